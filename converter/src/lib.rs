@@ -1,0 +1,1 @@
+//! Scan to atlas: importers, segmentation, parametrization, resampling.

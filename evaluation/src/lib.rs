@@ -1,0 +1,1 @@
+//! Geometric distances and image metrics.

@@ -1,0 +1,1 @@
+//! The .marq file format: header, index, page codecs, reader, writer, verification.

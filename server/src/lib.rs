@@ -1,0 +1,1 @@
+//! Tile server for .marq files.

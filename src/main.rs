@@ -1,0 +1,2 @@
+//! The `marquetry` binary: subcommands, nothing else.
+fn main() {}

@@ -1,0 +1,1 @@
+//! Cut, residency, streaming and drawing of atlases with wgpu; no window, no browser API.

@@ -1,0 +1,1 @@
+//! Native shell of the engine: window, headless rendering, file and HTTP sources.

@@ -1,0 +1,1 @@
+//! Browser shell of the engine: canvas, fetch, custom element.

@@ -1,0 +1,1 @@
+//! Coding of samples into page bytes.

@@ -1,0 +1,3 @@
+//! Charts, their shared borders, and what is written of them.
+
+pub mod patch;

@@ -1,1 +1,9 @@
-//! Geometric distances and image metrics.
+//! Geometric distances between triangle meshes, and image metrics.
+//!
+//! Works on plain arrays (positions, index triples, pixels) and knows neither files nor the atlas, so the
+//! converter can call it for its error bound and the tests for their acceptance numbers.
+
+pub mod distance;
+pub mod image;
+
+pub use distance::{Bvh, Closest, Distances, Mesh, MeshError, OneWay, measure};

@@ -1,0 +1,351 @@
+//! The tree against brute force, and distances against closed forms.
+
+use super::*;
+
+/// Numbers in [0, 1) for tests.
+struct Noise(u64);
+
+impl Noise {
+    fn next(&mut self) -> f64 {
+        self.0 = self
+            .0
+            .wrapping_mul(6_364_136_223_846_793_005)
+            .wrapping_add(1_442_695_040_888_963_407);
+        (self.0 >> 11) as f64 / (1u64 << 53) as f64
+    }
+
+    fn vector(&mut self) -> DVec3 {
+        DVec3::new(self.next(), self.next(), self.next()) * 2.0 - 1.0
+    }
+}
+
+/// Distance to the nearest of all triangles: what the tree must find as well.
+fn brute_force(positions: &[DVec3], triangles: &[[u32; 3]], point: DVec3) -> f64 {
+    let mesh = Mesh {
+        positions,
+        triangles,
+    };
+    (0..triangles.len())
+        .map(|triangle| closest_point(mesh.corners(triangle), point).distance_squared(point))
+        .fold(f64::INFINITY, f64::min)
+}
+
+fn soup(count: u32, size: f64, noise: &mut Noise) -> (Vec<DVec3>, Vec<[u32; 3]>) {
+    let mut positions = Vec::new();
+    for _ in 0..count {
+        let centre = noise.vector();
+        positions.extend((0..3).map(|_| centre + size * noise.vector()));
+    }
+    (
+        positions,
+        (0..count).map(|t| [3 * t, 3 * t + 1, 3 * t + 2]).collect(),
+    )
+}
+
+fn octahedron_sphere(subdivisions: u32) -> (Vec<DVec3>, Vec<[u32; 3]>) {
+    let mut corners = Vec::new();
+    for signs in 0..8 {
+        let sign = |bit: u32| if signs >> bit & 1 == 0 { 1.0 } else { -1.0 };
+        let (x, y, z) = (DVec3::X * sign(0), DVec3::Y * sign(1), DVec3::Z * sign(2));
+        corners.push(if x.cross(y).dot(z) * sign(0) * sign(1) * sign(2) > 0.0 {
+            [x, y, z]
+        } else {
+            [y, x, z]
+        });
+    }
+    for corner in &mut corners {
+        let outwards = (corner[1] - corner[0])
+            .cross(corner[2] - corner[0])
+            .dot(corner[0])
+            > 0.0;
+        if !outwards {
+            corner.swap(0, 1);
+        }
+    }
+    for _ in 0..subdivisions {
+        corners = corners
+            .iter()
+            .flat_map(|&[a, b, c]| {
+                let (ab, bc, ca) = (
+                    (a + b).normalize(),
+                    (b + c).normalize(),
+                    (c + a).normalize(),
+                );
+                [[a, ab, ca], [ab, b, bc], [ca, bc, c], [ab, bc, ca]]
+            })
+            .collect();
+    }
+    let positions = corners.concat();
+    let triangles = (0..u32::try_from(corners.len()).unwrap())
+        .map(|t| [3 * t, 3 * t + 1, 3 * t + 2])
+        .collect();
+    (positions, triangles)
+}
+
+fn plane(cells: u32, height: f64) -> (Vec<DVec3>, Vec<[u32; 3]>) {
+    let side = cells + 1;
+    let at = |i: u32| f64::from(i) / f64::from(cells);
+    let positions = (0..side * side)
+        .map(|k| DVec3::new(at(k % side), at(k / side), height))
+        .collect();
+    let triangles = (0..cells * cells)
+        .flat_map(|k| {
+            let a = k / cells * side + k % cells;
+            [[a, a + 1, a + side + 1], [a, a + side + 1, a + side]]
+        })
+        .collect();
+    (positions, triangles)
+}
+
+#[test]
+fn tree_finds_what_brute_force_finds() {
+    let mut noise = Noise(1);
+    for (count, size, scale, offset) in [
+        (1, 0.5, 1.0, 0.0),
+        (5, 0.5, 1.0, 0.0),
+        (2000, 0.05, 1.0, 0.0),
+        (600, 2.0, 1e-20, 0.0),
+        (600, 0.1, 1.0, 1e7),
+    ] {
+        let (mut positions, triangles) = soup(count, size, &mut noise);
+        for p in &mut positions {
+            *p = *p * scale + offset;
+        }
+        let tree = Bvh::new(&positions, &triangles).unwrap();
+        for _ in 0..200 {
+            let point = noise.vector() * (1.5 * scale) + offset;
+            let closest = tree.closest(point, f64::INFINITY).unwrap();
+            let expected = brute_force(&positions, &triangles, point);
+            assert_eq!(closest.distance2.to_bits(), expected.to_bits());
+            let mesh = Mesh {
+                positions: &positions,
+                triangles: &triangles,
+            };
+            assert_eq!(
+                closest.point,
+                closest_point(mesh.corners(closest.triangle as usize), point)
+            );
+        }
+    }
+}
+
+#[test]
+fn tree_over_degenerate_triangles_finds_what_brute_force_finds() {
+    let mut noise = Noise(2);
+    let mut positions: Vec<DVec3> = (0..300).map(|i| DVec3::X * f64::from(i % 7)).collect();
+    positions.extend([DVec3::Y; 300]);
+    let triangles: Vec<[u32; 3]> = (0..200).map(|t| [3 * t, 3 * t + 1, 3 * t + 2]).collect();
+    let tree = Bvh::new(&positions, &triangles).unwrap();
+    for _ in 0..200 {
+        let point = noise.vector() * 5.0;
+        let closest = tree.closest(point, f64::INFINITY).unwrap();
+        assert_eq!(
+            closest.distance2.to_bits(),
+            brute_force(&positions, &triangles, point).to_bits()
+        );
+    }
+}
+
+#[test]
+fn large_tree_is_the_same_as_brute_force() {
+    let (positions, triangles) = octahedron_sphere(6);
+    assert!(triangles.len() > 30_000);
+    let tree = Bvh::new(&positions, &triangles).unwrap();
+    let mut noise = Noise(3);
+    for _ in 0..20 {
+        let point = noise.vector() * 1.2;
+        let closest = tree.closest(point, f64::INFINITY).unwrap();
+        assert_eq!(
+            closest.distance2.to_bits(),
+            brute_force(&positions, &triangles, point).to_bits()
+        );
+    }
+}
+
+#[test]
+fn bound_is_inclusive_and_cuts_off_beyond() {
+    let tree = Bvh::new(&[DVec3::ZERO, DVec3::X, DVec3::Y], &[[0, 1, 2]]).unwrap();
+    let point = DVec3::new(0.25, 0.25, 2.0);
+    assert!(tree.closest(point, 4.0).is_some());
+    assert_eq!(tree.closest(point, 3.999), None);
+    assert!(tree.closest(DVec3::ZERO, 0.0).is_some());
+}
+
+#[test]
+fn segments_hit_what_lies_between_their_ends() {
+    let (positions, triangles) = octahedron_sphere(3);
+    let tree = Bvh::new(&positions, &triangles).unwrap();
+    let mut noise = Noise(4);
+    for _ in 0..200 {
+        let outside = noise.vector().normalize() * 2.0;
+        assert!(tree.any_hit(outside, DVec3::new(0.01, 0.02, 0.03)));
+        assert!(!tree.any_hit(outside, outside * 0.6));
+        assert!(!tree.any_hit(outside * 0.1, -outside * 0.1));
+    }
+}
+
+#[test]
+fn unusable_meshes_are_refused() {
+    let positions = [DVec3::ZERO, DVec3::X, DVec3::new(0.0, f64::NAN, 0.0)];
+    let error = Bvh::new(&positions, &[[0, 1, 3]]).unwrap_err();
+    assert_eq!(
+        error,
+        MeshError::IndexOutOfRange {
+            triangle: 0,
+            vertex: 3,
+            vertices: 3
+        }
+    );
+    let error = Bvh::new(&positions, &[[0, 1, 2]]).unwrap_err();
+    assert_eq!(
+        error,
+        MeshError::NotFinite {
+            triangle: 0,
+            vertex: 2
+        }
+    );
+    let empty = Bvh::new(&[], &[]).unwrap();
+    assert!(empty.is_empty() && empty.closest(DVec3::ZERO, f64::INFINITY).is_none());
+    assert!(!empty.any_hit(DVec3::ZERO, DVec3::X));
+    let none = Mesh {
+        positions: &[],
+        triangles: &[],
+    };
+    assert_eq!(measure(none, none, 10), Err(MeshError::Empty));
+}
+
+#[test]
+fn shifted_plane_is_one_shift_away() {
+    let (a, triangles) = plane(10, 0.0);
+    let (b, finer) = plane(17, 0.125);
+    let first = Mesh {
+        positions: &a,
+        triangles: &triangles,
+    };
+    let second = Mesh {
+        positions: &b,
+        triangles: &finer,
+    };
+    let found = measure(first, second, 10_000).unwrap();
+    for way in [found.forward, found.backward] {
+        assert!((way.max - 0.125).abs() < 1e-12 && (way.rms - 0.125).abs() < 1e-12);
+    }
+    assert!(found.normal_deviation_deg.mean < 1e-6);
+    assert!(found.normal_deviation_deg.p95 <= 0.01);
+}
+
+#[test]
+fn plane_that_is_missing_a_half_shows_in_one_direction_only() {
+    let (positions, triangles) = plane(16, 0.0);
+    let half: Vec<_> = triangles
+        .iter()
+        .copied()
+        .filter(|t| t.iter().all(|&v| positions[v as usize].x <= 0.5))
+        .collect();
+    let whole = Mesh {
+        positions: &positions,
+        triangles: &triangles,
+    };
+    let part = Mesh {
+        positions: &positions,
+        triangles: &half,
+    };
+    let found = measure(part, whole, 40_000).unwrap();
+    assert!(found.forward.max < 1e-12);
+    assert!((found.backward.max - 0.5).abs() < 1e-12);
+    // Distance x over half of the area: the mean square is the integral of x² from 0 to ½.
+    assert!((found.backward.rms - (1.0_f64 / 24.0).sqrt()).abs() < 1e-3);
+    assert!((found.hausdorff() - 0.5).abs() < 1e-12);
+}
+
+#[test]
+fn sphere_and_its_approximation_part_by_the_sagitta() {
+    let (coarse, coarse_triangles) = octahedron_sphere(2);
+    let (fine, fine_triangles) = octahedron_sphere(6);
+    let coarse_mesh = Mesh {
+        positions: &coarse,
+        triangles: &coarse_triangles,
+    };
+    let fine_mesh = Mesh {
+        positions: &fine,
+        triangles: &fine_triangles,
+    };
+    let found = measure(fine_mesh, coarse_mesh, 100_000).unwrap();
+    // The largest triangles are deepest at their circumcentres.
+    let sagitta = (0..coarse_triangles.len())
+        .map(|t| {
+            1.0 - normal(coarse_mesh.corners(t))
+                .unwrap()
+                .dot(coarse_mesh.corners(t)[0])
+        })
+        .fold(0.0, f64::max);
+    assert!(
+        (found.forward.max - sagitta).abs() < 2e-3 * sagitta + 1e-4,
+        "{} {sagitta}",
+        found.forward.max
+    );
+    assert!(found.forward.rms < found.forward.max && found.forward.rms > 0.3 * sagitta);
+}
+
+#[test]
+fn opposite_faces_deviate_by_a_half_turn() {
+    let (positions, triangles) = plane(4, 0.0);
+    let flipped: Vec<_> = triangles.iter().map(|&[a, b, c]| [a, c, b]).collect();
+    let found = measure(
+        Mesh {
+            positions: &positions,
+            triangles: &triangles,
+        },
+        Mesh {
+            positions: &positions,
+            triangles: &flipped,
+        },
+        1000,
+    )
+    .unwrap();
+    assert!((found.normal_deviation_deg.mean - 180.0).abs() < 1e-9);
+    assert!((found.normal_deviation_deg.p95 - 180.0).abs() < 1e-9);
+}
+
+#[test]
+fn threads_do_not_change_a_bit() {
+    let mut noise = Noise(5);
+    let (a, a_triangles) = soup(3000, 0.05, &mut noise);
+    let (b, b_triangles) = soup(2000, 0.08, &mut noise);
+    let first = Mesh {
+        positions: &a,
+        triangles: &a_triangles,
+    };
+    let second = Mesh {
+        positions: &b,
+        triangles: &b_triangles,
+    };
+    let with = |threads| {
+        let pool = rayon::ThreadPoolBuilder::new()
+            .num_threads(threads)
+            .build()
+            .unwrap();
+        pool.install(|| measure(first, second, 20_000).unwrap())
+    };
+    assert_eq!(with(1), with(4));
+}
+
+#[test]
+fn stray_vertices_are_no_surface() {
+    let (mut positions, triangles) = plane(4, 0.0);
+    let clean = positions.clone();
+    positions.push(DVec3::splat(100.0));
+    let found = measure(
+        Mesh {
+            positions: &positions,
+            triangles: &triangles,
+        },
+        Mesh {
+            positions: &clean,
+            triangles: &triangles,
+        },
+        100,
+    )
+    .unwrap();
+    assert!(found.hausdorff() < 1e-12);
+}

@@ -1,0 +1,1 @@
+//! Which nodes are drawn, at which resolution, and how they meet.

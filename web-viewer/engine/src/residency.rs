@@ -1,0 +1,3 @@
+//! Which pages are in memory, and how they come and go.
+
+pub mod fetch;

@@ -135,7 +135,7 @@ mod tests {
         let mut parts = Vec::new();
         for start in (0..100).step_by(7) {
             sampler.for_each(start..(start + 7).min(100), |triangle, point| {
-                parts.push((triangle, point))
+                parts.push((triangle, point));
             });
         }
         assert_eq!(whole, parts);

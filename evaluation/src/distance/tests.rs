@@ -47,30 +47,14 @@ fn octahedron_sphere(subdivisions: u32) -> (Vec<DVec3>, Vec<[u32; 3]>) {
     for signs in 0..8 {
         let sign = |bit: u32| if signs >> bit & 1 == 0 { 1.0 } else { -1.0 };
         let (x, y, z) = (DVec3::X * sign(0), DVec3::Y * sign(1), DVec3::Z * sign(2));
-        corners.push(if x.cross(y).dot(z) * sign(0) * sign(1) * sign(2) > 0.0 {
-            [x, y, z]
-        } else {
-            [y, x, z]
-        });
-    }
-    for corner in &mut corners {
-        let outwards = (corner[1] - corner[0])
-            .cross(corner[2] - corner[0])
-            .dot(corner[0])
-            > 0.0;
-        if !outwards {
-            corner.swap(0, 1);
-        }
+        let outwards = sign(0) * sign(1) * sign(2) > 0.0;
+        corners.push(if outwards { [x, y, z] } else { [y, x, z] });
     }
     for _ in 0..subdivisions {
         corners = corners
             .iter()
             .flat_map(|&[a, b, c]| {
-                let (ab, bc, ca) = (
-                    (a + b).normalize(),
-                    (b + c).normalize(),
-                    (c + a).normalize(),
-                );
+                let [ab, bc, ca] = [a + b, b + c, c + a].map(DVec3::normalize_or_zero);
                 [[a, ab, ca], [ab, b, bc], [ca, bc, c], [ab, bc, ca]]
             })
             .collect();
@@ -177,7 +161,7 @@ fn segments_hit_what_lies_between_their_ends() {
     let tree = Bvh::new(&positions, &triangles).unwrap();
     let mut noise = Noise(4);
     for _ in 0..200 {
-        let outside = noise.vector().normalize() * 2.0;
+        let outside = noise.vector().normalize_or_zero() * 2.0;
         assert!(tree.any_hit(outside, DVec3::new(0.01, 0.02, 0.03)));
         assert!(!tree.any_hit(outside, outside * 0.6));
         assert!(!tree.any_hit(outside * 0.1, -outside * 0.1));
@@ -279,11 +263,9 @@ fn sphere_and_its_approximation_part_by_the_sagitta() {
                 .dot(coarse_mesh.corners(t)[0])
         })
         .fold(0.0, f64::max);
-    assert!(
-        (found.forward.max - sagitta).abs() < 2e-3 * sagitta + 1e-4,
-        "{} {sagitta}",
-        found.forward.max
-    );
+    // The finer mesh has a sagitta too: four subdivisions more make it 256 times less.
+    let tolerance = 1.5 * sagitta / 256.0;
+    assert!((found.forward.max - sagitta).abs() < tolerance);
     assert!(found.forward.rms < found.forward.max && found.forward.rms > 0.3 * sagitta);
 }
 

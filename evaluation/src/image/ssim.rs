@@ -102,7 +102,7 @@ mod tests {
     }
 
     fn stripes(x: usize, _: usize) -> u8 {
-        if x / 3 % 2 == 0 { 40 } else { 200 }
+        if (x / 3).is_multiple_of(2) { 40 } else { 200 }
     }
 
     #[test]

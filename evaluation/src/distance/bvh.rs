@@ -64,7 +64,7 @@ struct Frame {
 }
 
 impl Frame {
-    fn from_world(&self, point: DVec3) -> DVec3 {
+    fn apply(&self, point: DVec3) -> DVec3 {
         (point - self.centre) * self.scale
     }
 }
@@ -136,7 +136,7 @@ impl Bvh {
         if self.nodes.is_empty() || !point.is_finite() {
             return None;
         }
-        let in_frame = self.frame.from_world(point);
+        let in_frame = self.frame.apply(point);
         let frame2 = self.frame.scale * self.frame.scale * SLACK;
         let mut best: Option<Closest> = None;
         let mut bound2 = max_distance2;
@@ -200,7 +200,7 @@ impl Bvh {
         if self.nodes.is_empty() || !direction.is_finite() {
             return false;
         }
-        let (origin, along) = (self.frame.from_world(start), direction * self.frame.scale);
+        let (origin, along) = (self.frame.apply(start), direction * self.frame.scale);
         let mut stack = [0_u32; STACK];
         let mut depth = 1;
         while depth > 0 {

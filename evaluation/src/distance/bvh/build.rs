@@ -86,7 +86,7 @@ pub(super) fn build(positions: &[DVec3], triangles: &[[u32; 3]]) -> Result<Bvh, 
         .par_iter()
         .enumerate()
         .map(|(triangle, corners)| {
-            let corners = corners.map(|vertex| frame.from_world(positions[vertex as usize]));
+            let corners = corners.map(|vertex| frame.apply(positions[vertex as usize]));
             Item {
                 bounds: Box3::around(corners),
                 triangle: id(triangle),

@@ -1,2 +1,73 @@
-//! Tasks of the project: demo, test, web build.
-fn main() {}
+//! Tasks of the project: `cargo xtask COMMAND`.
+//!
+//! Each command sets up what it misses, says what it does and how long that may take, and repeats nothing
+//! that is up to date.
+
+mod bless;
+mod browser;
+mod demo;
+mod layering;
+mod process;
+mod project;
+mod setup;
+mod steps;
+mod test;
+mod wasm;
+mod web;
+
+use anyhow::{Result, bail};
+use project::Project;
+use std::path::PathBuf;
+use std::process::ExitCode;
+
+const USAGE: &str = "\
+usage: cargo xtask COMMAND
+
+  demo [PATH]   build everything, convert a scan (the Stanford dragon, or PATH) and serve it
+  test          everything that is checked, as CI does
+  web           build the viewer for the browser into web-viewer/web/dist
+  browser       only the browser test, on what is built
+  layering      check that the crates know only whom they may
+  bless         write the golden files anew from the present code";
+
+fn main() -> ExitCode {
+    let arguments: Vec<String> = std::env::args().skip(1).collect();
+    match dispatch(&arguments) {
+        Ok(code) => code,
+        Err(error) => {
+            eprintln!("error: {error:#}");
+            ExitCode::FAILURE
+        }
+    }
+}
+
+fn dispatch(arguments: &[String]) -> Result<ExitCode> {
+    let words: Vec<&str> = arguments.iter().map(String::as_str).collect();
+    let done = |()| ExitCode::SUCCESS;
+    match words.as_slice() {
+        ["demo"] => demo::run(&Project::locate()?, None).map(done),
+        ["demo", path] => demo::run(&Project::locate()?, Some(PathBuf::from(path))).map(done),
+        ["test"] => Ok(test::run(&Project::locate()?)),
+        ["web"] => web::build(&Project::locate()?).map(done),
+        ["browser"] => browser::run(&Project::locate()?).map(done),
+        ["layering"] => layering::check(&Project::locate()?).map(done),
+        ["bless"] => bless::run(&Project::locate()?).map(done),
+        ["help" | "--help" | "-h"] => {
+            println!("{USAGE}");
+            Ok(ExitCode::SUCCESS)
+        }
+        [] => {
+            eprintln!("{USAGE}");
+            Ok(ExitCode::from(2))
+        }
+        _ => {
+            eprintln!("unknown command: {}\n\n{USAGE}", words.join(" "));
+            Ok(ExitCode::from(2))
+        }
+    }
+}
+
+/// Fails with `message` unless `condition` holds.
+fn ensure(condition: bool, message: impl FnOnce() -> String) -> Result<()> {
+    if condition { Ok(()) } else { bail!(message()) }
+}

@@ -1,0 +1,188 @@
+//! Everything that is checked. CI runs this and nothing else.
+
+use crate::setup::{self, Need};
+use crate::steps::{Outcome, Steps};
+use crate::wasm::Toolchain;
+use crate::{browser, layering, process, project::Project, web};
+use anyhow::{Context, Result};
+use std::process::{Command, ExitCode};
+
+/// Seconds that each fuzz target runs.
+const FUZZ_SECONDS: u32 = 20;
+
+/// Runs every check, whatever fails before, and sums up.
+pub(crate) fn run(project: &Project) -> ExitCode {
+    println!("All checks: about 30 minutes on two cores the first time, a few minutes after that.");
+    let mut steps = Steps::default();
+    let set_up = steps.run("set-up", "1 to 3 min", || set_up(project));
+    steps.run("formatting", "2 s", || {
+        cargo(project, &["fmt", "--all", "--check"])
+    });
+    steps.run("layering", "5 s", || layering::check(project).map(passed));
+    // The same profile everywhere: what one step compiles, the next finds.
+    steps.run("clippy", "4 min", || {
+        cargo(
+            project,
+            &[
+                "clippy",
+                "--release",
+                "--workspace",
+                "--all-targets",
+                "--",
+                "-D",
+                "warnings",
+            ],
+        )
+    });
+    if set_up {
+        steps.run("clippy for wasm32", "1 min", || clippy_wasm(project));
+        steps.run("web build", "3 to 8 min", || {
+            web::build(project).map(passed)
+        });
+    } else {
+        steps.cannot_run("web build", "set-up");
+    }
+    let built = steps.run("native build", "6 min", || {
+        build_native(project).map(passed)
+    });
+    if built {
+        steps.run("tests", "10 min", || tests(project));
+    } else {
+        steps.cannot_run("tests", "native build");
+    }
+    steps.run("documentation", "1 min", || documentation(project));
+    steps.run("dependencies", "5 s", || deny(project));
+    steps.run("spelling", "1 s", || typos(project));
+    if built && set_up {
+        steps.run("browser", "2 min", || browser::run(project).map(passed));
+    } else {
+        steps.cannot_run("browser", if built { "set-up" } else { "native build" });
+    }
+    steps.run("fuzz", "3 min", || fuzz(project));
+    steps.finish()
+}
+
+/// Builds the binaries as the tests want them.
+///
+/// # Errors
+/// When cargo fails.
+pub(crate) fn build_native(project: &Project) -> Result<()> {
+    // With the whole workspace the dependencies' features are those of the tests: nothing is built twice.
+    process::run(process::cargo(&project.root).args([
+        "build",
+        "--release",
+        "--workspace",
+        "--bins",
+    ]))
+}
+
+fn passed((): ()) -> Outcome {
+    Outcome::Passed
+}
+
+fn cargo(project: &Project, arguments: &[&str]) -> Result<Outcome> {
+    process::run(process::cargo(&project.root).args(arguments)).map(passed)
+}
+
+fn set_up(project: &Project) -> Result<Outcome> {
+    setup::ensure(&[
+        Need::Compiler,
+        Need::Node,
+        Need::Vulkan,
+        Need::Chromium,
+        Need::Wasm,
+    ])?;
+    setup::npm(&project.browser_test())?;
+    Ok(Outcome::Passed)
+}
+
+fn clippy_wasm(project: &Project) -> Result<Outcome> {
+    let toolchain = Toolchain::find().context("no compiler for wasm32")?;
+    if toolchain != Toolchain::Rustup {
+        return Ok(Outcome::Skipped(
+            "Debian's compiler has no clippy; the web build checks the types".into(),
+        ));
+    }
+    process::run(
+        toolchain
+            .cargo(&project.root, "clippy")
+            .args([
+                "--profile",
+                "web",
+                "--package",
+                "marquetry-web",
+                "--target-dir",
+            ])
+            .arg(web::target(project, &toolchain))
+            .args(["--", "-D", "warnings"]),
+    )
+    .map(passed)
+}
+
+fn tests(project: &Project) -> Result<Outcome> {
+    process::run(
+        process::cargo(&project.root)
+            .args(["test", "--release", "--workspace", "--no-fail-fast"])
+            .env("MARQUETRY_BINARY", project.binary()),
+    )
+    .map(passed)
+}
+
+fn documentation(project: &Project) -> Result<Outcome> {
+    process::run(
+        process::cargo(&project.root)
+            .args([
+                "doc",
+                "--release",
+                "--workspace",
+                "--no-deps",
+                "--document-private-items",
+            ])
+            .env("RUSTDOCFLAGS", "-D warnings"),
+    )
+    .map(passed)
+}
+
+fn deny(project: &Project) -> Result<Outcome> {
+    if process::find("cargo-deny").is_none() {
+        return Ok(missing("cargo-deny", "cargo install --locked cargo-deny"));
+    }
+    // The advisories come over a network that CI may not have; what the project itself decides does not.
+    cargo(project, &["deny", "check", "bans", "licenses", "sources"])
+}
+
+fn typos(project: &Project) -> Result<Outcome> {
+    if process::find("typos").is_none() {
+        return Ok(missing("typos", "cargo install --locked typos-cli"));
+    }
+    process::run(Command::new("typos").current_dir(&project.root)).map(passed)
+}
+
+fn fuzz(project: &Project) -> Result<Outcome> {
+    let nightly =
+        || process::succeeds(Command::new("rustup").args(["run", "nightly", "rustc", "--version"]));
+    if process::find("cargo-fuzz").is_none() || !nightly() {
+        return Ok(missing(
+            "cargo-fuzz with a nightly compiler",
+            "cargo install --locked cargo-fuzz",
+        ));
+    }
+    let fuzz = |arguments: &[&str]| {
+        let mut command = Command::new("rustup");
+        command
+            .current_dir(project.root.join("format"))
+            .args(["run", "nightly", "cargo", "fuzz"])
+            .args(arguments);
+        command
+    };
+    let targets = process::output(&mut fuzz(&["list"]))?;
+    let limit = format!("-max_total_time={FUZZ_SECONDS}");
+    for target in targets.lines().filter(|target| !target.is_empty()) {
+        process::run(&mut fuzz(&["run", target, "--", &limit]))?;
+    }
+    Ok(Outcome::Passed)
+}
+
+fn missing(tool: &str, install: &str) -> Outcome {
+    Outcome::Skipped(format!("{tool} is not installed ({install})"))
+}

@@ -1,3 +1,9 @@
 //! Charts, their shared borders, and what is written of them.
 
+pub mod build;
+pub mod chart_graph;
+pub mod colour;
+pub mod depth;
 pub mod patch;
+pub mod quantize;
+pub mod summary;

@@ -1,0 +1,326 @@
+//! The whole way from a mesh file to a `.marq` file.
+
+use crate::atlas::{build, chart_graph, quantize};
+use crate::error::ImportError;
+use crate::import;
+use crate::mesh::{self, ManifoldMesh};
+use crate::parameterize::{self, Parametrization};
+use crate::process;
+use crate::quadrangulate::{self, QuadrangulateError};
+use crate::report::{ErrorReport, InputReport, Lost, OutputReport, Report, StageReport};
+use crate::segment;
+use glam::DVec3;
+use marquetry_evaluation::distance;
+use marquetry_format::reader::Document;
+use marquetry_format::source::FileSource;
+use marquetry_format::{ContentKind, Limits, Metadata, writer};
+use rayon::prelude::*;
+use std::io::Write;
+use std::path::{Path, PathBuf};
+use std::time::Instant;
+
+/// Which axis points up.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Up {
+    /// x.
+    X,
+    /// y.
+    #[default]
+    Y,
+    /// z.
+    Z,
+}
+
+/// What a conversion is asked for.
+#[derive(Debug, Clone)]
+pub struct Options {
+    /// Target RMS error, relative to the diagonal of the bounds; > 0.
+    pub error_rel: f64,
+    /// Write the file even where the target is missed.
+    pub allow_worse: bool,
+    /// Which axis points up.
+    pub up: Up,
+    /// Threads; `None` for all.
+    pub threads: Option<usize>,
+}
+
+impl Default for Options {
+    fn default() -> Self {
+        Self { error_rel: 1e-4, allow_worse: false, up: Up::Y, threads: None }
+    }
+}
+
+/// Told how a conversion goes. Called from many threads.
+pub trait Progress: Sync {
+    /// A stage begins.
+    fn stage(&self, name: &'static str);
+    /// How much of the stage is done, 0..=1.
+    fn fraction(&self, done: f64);
+}
+
+/// A conversion that failed. Nothing was written under the output's name.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum ConvertError {
+    /// The input cannot be read as a mesh.
+    #[error(transparent)]
+    Import(#[from] ImportError),
+    /// The surface could not be cut into charts.
+    #[error("{path}: the surface cannot be cut into charts: {source}")]
+    Layout {
+        /// The input.
+        path: PathBuf,
+        /// Why.
+        source: QuadrangulateError,
+    },
+    /// The target was missed.
+    #[error(
+        "{path}: the error reached is {reached:.2e} of the diagonal, the target is {target:.2e}; \
+         ask for less with --error-rel, or accept it with --allow-worse"
+    )]
+    AboveTarget {
+        /// The input.
+        path: PathBuf,
+        /// RMS error, relative.
+        reached: f64,
+        /// Target, relative.
+        target: f64,
+    },
+    /// The target is no positive number.
+    #[error("the target error must be a number above 0 and at most 1, not {0}")]
+    Target(f64),
+    /// The output cannot be written.
+    #[error("{path}: cannot be written: {source}")]
+    Output {
+        /// The output.
+        path: PathBuf,
+        /// Why.
+        source: std::io::Error,
+    },
+    /// The file written is not what was meant: our fault.
+    #[error("{path}: the file written does not read back: {source}")]
+    Format {
+        /// The output.
+        path: PathBuf,
+        /// Why.
+        source: marquetry_format::Error,
+    },
+    /// Threads could not be started.
+    #[error("cannot start threads: {0}")]
+    Threads(String),
+}
+
+/// Converts the scan at `input` to a file at `output`, which appears complete or not at all.
+///
+/// The same bytes come out for any number of threads.
+///
+/// # Errors
+/// See [`ConvertError`].
+pub fn convert(
+    input: &Path,
+    output: &Path,
+    options: &Options,
+    progress: &dyn Progress,
+) -> Result<Report, ConvertError> {
+    if !(options.error_rel > 0.0 && options.error_rel <= 1.0) {
+        return Err(ConvertError::Target(options.error_rel));
+    }
+    let threads = options.threads.unwrap_or_else(|| std::thread::available_parallelism().map_or(1, usize::from));
+    let pool = rayon::ThreadPoolBuilder::new()
+        .num_threads(threads)
+        .build()
+        .map_err(|e| ConvertError::Threads(e.to_string()))?;
+    pool.install(|| Conversion { input, output, options, stages: Stages::new(progress), threads }.run())
+}
+
+/// Regions that a component of a scan is cut into before topology asks for more: about 30 for 100 k triangles, 250 for 5 M.
+fn target_regions(triangles: usize) -> u32 {
+    let regions = 30.0 * (triangles as f64 / 1e5).powf(0.55);
+    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped")]
+    let regions = regions.round().clamp(4.0, 1e6) as u32;
+    regions
+}
+
+/// Samples of the measurement of the written file, each way, beside all vertices.
+const MEASURED_SAMPLES: u64 = 200_000;
+
+struct Stages<'a> {
+    progress: &'a dyn Progress,
+    reports: Vec<StageReport>,
+    started: Instant,
+    running: Option<(&'static str, Instant)>,
+}
+
+impl<'a> Stages<'a> {
+    fn new(progress: &'a dyn Progress) -> Self {
+        Self { progress, reports: Vec::new(), started: Instant::now(), running: None }
+    }
+
+    fn begin(&mut self, name: &'static str) {
+        self.end();
+        self.progress.stage(name);
+        self.running = Some((name, Instant::now()));
+    }
+
+    fn end(&mut self) {
+        if let Some((name, since)) = self.running.take() {
+            self.reports.push(StageReport { name, seconds: since.elapsed().as_secs_f64() });
+        }
+    }
+}
+
+struct Conversion<'a> {
+    input: &'a Path,
+    output: &'a Path,
+    options: &'a Options,
+    stages: Stages<'a>,
+    threads: usize,
+}
+
+impl Conversion<'_> {
+    fn run(mut self) -> Result<Report, ConvertError> {
+        self.stages.begin("import");
+        let (imported, import_report) = import::import(self.input)?;
+        let has_colours = !imported.colours.is_empty();
+        self.stages.begin("manifold");
+        let (mesh, account) = mesh::prepare(imported, self.input)?;
+        let (min, max) = bounds(&mesh.positions);
+        let diagonal = (max - min).length();
+        let target = self.options.error_rel * diagonal;
+
+        self.stages.begin("segment");
+        let segmentation = segment::segment(&mesh, target_regions(mesh.triangles.len()));
+        self.stages.begin("quadrangulate");
+        let layout = quadrangulate::quadrangulate(&mesh, &segmentation)
+            .map_err(|source| ConvertError::Layout { path: self.input.to_owned(), source })?;
+        drop(segmentation);
+        let (mut patches, borders) = (layout.patches, layout.borders);
+        chart_graph::sort_along_curve(&mut patches, min, (max - min).max_element().max(f64::MIN_POSITIVE));
+        let glue = chart_graph::glue(&patches, borders.len());
+
+        self.stages.begin("parametrize");
+        let parametrizations: Vec<Parametrization> =
+            patches.par_iter_mut().map(|patch| parameterize::parameterize(patch, &borders)).collect();
+
+        self.stages.begin("resample");
+        let lattice = quantize::lattice(min, max, target);
+        let progress = self.stages.progress;
+        let atlas = build::build(
+            &build::Surface {
+                patches: &patches,
+                parametrizations: &parametrizations,
+                borders: &borders,
+                glue: &glue,
+                lattice,
+                colours: has_colours,
+                target,
+            },
+            &|done| progress.fraction(done),
+        );
+        drop((patches, parametrizations, borders));
+
+        self.stages.begin("measure");
+        let surface = quantize::finest_surface(&atlas.charts, &lattice);
+        let measured = distance::measure(
+            distance::Mesh { positions: &surface.0, triangles: &surface.1 },
+            distance::Mesh { positions: &mesh.positions, triangles: &mesh.triangles },
+            MEASURED_SAMPLES,
+        );
+        let rms = measured.as_ref().map_or(atlas.rms_error, distance::Distances::rms);
+        // The bound holds for the exact surfaces; never report less than what was seen.
+        let max_error = measured.as_ref().map_or(atlas.max_error, |m| m.hausdorff().max(atlas.max_error));
+        let relative = |length: f64| if diagonal > 0.0 { length / diagonal } else { 0.0 };
+        let error = ErrorReport {
+            target_rel: self.options.error_rel,
+            max_rel: relative(max_error),
+            rms_rel: relative(rms),
+        };
+        if error.rms_rel > error.target_rel && !self.options.allow_worse {
+            return Err(ConvertError::AboveTarget {
+                path: self.input.to_owned(),
+                reached: error.rms_rel,
+                target: error.target_rel,
+            });
+        }
+
+        self.stages.begin("write");
+        let metadata = Metadata {
+            kind: ContentKind::Scan,
+            lattice,
+            bounds_min: min.to_array(),
+            bounds_max: max.to_array(),
+            up_axis: self.options.up as u8,
+            has_colours,
+            target_error_rel: error.target_rel,
+            max_error_rel: error.max_rel,
+            rms_error_rel: error.rms_rel,
+            source_triangles: import_report.triangles,
+            source_vertices: import_report.vertices,
+            source_name: self.input.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default(),
+            generator: concat!("marquetry ", env!("CARGO_PKG_VERSION")).to_owned(),
+        };
+        let output = self.write(&metadata, &atlas)?;
+        self.stages.end();
+        Ok(Report {
+            input: InputReport {
+                path: self.input.display().to_string(),
+                bytes: import_report.bytes,
+                triangles: import_report.triangles,
+                vertices: import_report.vertices,
+                components: account.components,
+                boundary_loops: account.boundary_loops,
+                non_manifold_edges: account.non_manifold_edges,
+            },
+            output,
+            seconds: self.stages.started.elapsed().as_secs_f64(),
+            stages: self.stages.reports,
+            cpu_seconds: process::cpu_seconds(),
+            peak_rss_bytes: process::peak_rss_bytes(),
+            threads: self.threads,
+            error,
+            lost: Lost::of(&import_report, &account),
+        })
+    }
+
+    /// Writes beside the output, reads back, syncs, renames.
+    fn write(&self, metadata: &Metadata, atlas: &build::Atlas) -> Result<OutputReport, ConvertError> {
+        let failed = |source| ConvertError::Output { path: self.output.to_owned(), source };
+        let unreadable = |source| ConvertError::Format { path: self.output.to_owned(), source };
+        let folder = match self.output.parent() {
+            Some(parent) if !parent.as_os_str().is_empty() => parent,
+            _ => Path::new("."),
+        };
+        let mut file = tempfile::Builder::new()
+            .prefix(".marquetry-")
+            .suffix(".partial")
+            .tempfile_in(folder)
+            .map_err(failed)?;
+        let bytes = {
+            let mut out = std::io::BufWriter::new(file.as_file_mut());
+            let bytes =
+                writer::write_atlas(metadata, &metadata.lattice, &atlas.charts, &mut out).map_err(unreadable)?;
+            out.flush().map_err(failed)?;
+            bytes
+        };
+        let source = FileSource::open(file.path()).map_err(|e| failed(std::io::Error::other(e)))?;
+        let mut document = Document::open(&source, Limits::default()).map_err(unreadable)?;
+        document.load_index(&source).map_err(unreadable)?;
+        file.as_file().sync_all().map_err(failed)?;
+        let levels = atlas.charts.iter().map(|c| quantize::finest_resolution(&c.root)).max().unwrap_or(0);
+        file.persist(self.output).map_err(|e| failed(e.error))?;
+        Ok(OutputReport {
+            path: self.output.display().to_string(),
+            bytes: bytes.total,
+            pages: document.page_count(),
+            charts: document.charts.len(),
+            levels: u32::from(levels) + 1,
+            samples: atlas.samples,
+        })
+    }
+}
+
+fn bounds(positions: &[DVec3]) -> (DVec3, DVec3) {
+    positions
+        .iter()
+        .fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(min, max), &p| (min.min(p), max.max(p)))
+}

@@ -1,0 +1,84 @@
+//! Regions into four-sided patches with shared borders.
+//!
+//! The regions are the dual of a coarse triangulation, so a region with n neighbours is an n-gon. It is flattened to a
+//! convex n-gon (Tutte, "How to Draw a Graph", 1963; Floater, "Parametrization and smooth approximation of surface
+//! triangulations", 1997) and cut along the straight spokes from its centre to the middles of its sides: the preimages
+//! of the spokes are simple and meet only in the centre, so no path search is needed. Every corner of the region then
+//! has its own quad: centre, middle of a side, corner, middle of the next side.
+//!
+//! Limit: a region whose flattening folds in double precision (a tube many radii long) is reported, not repaired.
+
+mod arcs;
+mod region;
+mod spokes;
+#[cfg(test)]
+mod tests;
+
+use crate::atlas::patch::{Border, Patch};
+use crate::mesh::ManifoldMesh;
+use crate::segment::Segmentation;
+use rayon::prelude::*;
+
+/// Four-sided patches and the borders that they share.
+#[derive(Debug, Clone, Default)]
+pub struct Layout {
+    /// One patch a chart-to-be.
+    pub patches: Vec<Patch>,
+    /// Border curves; a border is used by one side (open) or two (glued).
+    pub borders: Vec<Border>,
+}
+
+/// A region that could not be cut into quads.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum QuadrangulateError {
+    /// The labels do not have the structure that [`Segmentation`] promises.
+    #[error("region {region}: {fault}")]
+    Structure {
+        /// The region.
+        region: u32,
+        /// What is wrong with it.
+        fault: &'static str,
+    },
+    /// The flattened region folds over itself, so a spoke has no simple preimage.
+    #[error("region {region} ({triangles} triangles) cannot be flattened without folds")]
+    Folded {
+        /// The region.
+        region: u32,
+        /// Its triangles.
+        triangles: usize,
+    },
+}
+
+/// Cuts every region of `segmentation` into as many quads as it has corners.
+///
+/// # Errors
+/// When the labels break the promises of [`Segmentation`], or a region's flattening folds.
+pub fn quadrangulate(mesh: &ManifoldMesh, segmentation: &Segmentation) -> Result<Layout, QuadrangulateError> {
+    let arcs::Cut { points, arcs, regions } = arcs::cut(mesh, segmentation)?;
+    let mut borders: Vec<Border> = Vec::with_capacity(2 * arcs.len());
+    for arc in &arcs {
+        borders.push(points.border(&arc.points[..=arc.middle]));
+        borders.push(points.border(&arc.points[arc.middle..]));
+    }
+    let cut: Vec<spokes::CutRegion> = regions
+        .into_par_iter()
+        .enumerate()
+        .map(|(id, outline)| {
+            let id = u32::try_from(id).unwrap_or(u32::MAX);
+            let region = region::Region::new(id, &points, &arcs, outline)?;
+            spokes::cut(region)
+        })
+        .collect::<Result<_, _>>()?;
+    let mut patches = Vec::with_capacity(cut.iter().map(|c| c.patches.len()).sum());
+    for mut region in cut {
+        let first_spoke = u32::try_from(borders.len()).unwrap_or(u32::MAX);
+        for patch in &mut region.patches {
+            patch.borders[0].0 += first_spoke;
+            patch.borders[3].0 += first_spoke;
+        }
+        borders.append(&mut region.spokes);
+        patches.append(&mut region.patches);
+    }
+    Ok(Layout { patches, borders })
+}

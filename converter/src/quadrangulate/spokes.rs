@@ -1,0 +1,342 @@
+//! Cutting a flattened region along the spokes from its centre to the middles of its sides.
+//!
+//! Which sector a vertex lies in is decided once, by an exact predicate (Shewchuk, "Adaptive Precision Floating-Point
+//! Arithmetic and Fast Robust Geometric Predicates", 1997); everything after that is combinatorial, so rounding moves
+//! points but never tears the pieces.
+
+use super::QuadrangulateError;
+use super::arcs::{border, mean, mix};
+use super::region::Region;
+use crate::atlas::patch::{Border, Patch};
+use crate::mesh::NONE;
+use crate::parameterize::Weights;
+use glam::DVec2;
+use std::collections::HashMap;
+
+/// A region's patches, and the spokes between them. Patch k holds corner k + 1; its borders 0 and 3 are spoke numbers
+/// in `spokes`, its borders 1 and 2 are final.
+#[derive(Debug)]
+pub(super) struct CutRegion {
+    pub(super) patches: Vec<Patch>,
+    pub(super) spokes: Vec<Border>,
+}
+
+pub(super) fn cut(region: Region) -> Result<CutRegion, QuadrangulateError> {
+    let folded = QuadrangulateError::Folded { region: region.id, triangles: region.triangles.len() };
+    let mut region = region;
+    for weights in [Weights::Cotangent, Weights::Uniform] {
+        let uv = region.flattened(weights);
+        let (vertices, triangles) = (region.positions.len(), region.triangles.clone());
+        let mut sectors = match Sectors::new(&mut region, uv) {
+            Some(sectors) => sectors,
+            None => continue,
+        };
+        if let Some(cut) = sectors.cut() {
+            return Ok(cut);
+        }
+        region.positions.truncate(vertices);
+        region.attributes.truncate(vertices);
+        region.triangles = triangles;
+    }
+    Err(folded)
+}
+
+fn orient(a: DVec2, b: DVec2, c: DVec2) -> f64 {
+    let p = |v: DVec2| robust::Coord { x: v.x, y: v.y };
+    robust::orient2d(p(a), p(b), p(c))
+}
+
+/// Where a vertex lies among n spokes: `2k` on spoke k, `2k + 1` between spokes k and k + 1.
+type Class = u32;
+const CENTRE: Class = NONE;
+
+struct Sectors<'a> {
+    region: &'a mut Region,
+    uv: Vec<DVec2>,
+    /// Middles of the sides: spoke k runs from the origin to `middles[k]`.
+    middles: Vec<DVec2>,
+    centre: u32,
+    class: Vec<Class>,
+    /// Points where edges (a < b) cross spokes, from a to b.
+    crossings: HashMap<(u32, u32), Vec<u32>>,
+}
+
+impl<'a> Sectors<'a> {
+    /// Places the centre and classifies every vertex; `None` when the flattening folds around the origin.
+    fn new(region: &'a mut Region, mut uv: Vec<DVec2>) -> Option<Self> {
+        let centre = insert_origin(region, &mut uv)?;
+        let middles: Vec<DVec2> = region.sides.iter().map(|s| uv[s.vertices[s.middle] as usize]).collect();
+        let n = u32::try_from(middles.len()).ok()?;
+        let mut class = vec![CENTRE; uv.len()];
+        for (k, side) in (0u32..).zip(&region.sides) {
+            for (i, &v) in side.vertices.iter().enumerate() {
+                class[v as usize] = match i.cmp(&side.middle) {
+                    std::cmp::Ordering::Less => (2 * k + 2 * n - 1) % (2 * n),
+                    std::cmp::Ordering::Equal => 2 * k,
+                    std::cmp::Ordering::Greater => 2 * k + 1,
+                };
+            }
+        }
+        for v in 0..uv.len() {
+            if class[v] == CENTRE && v != centre as usize {
+                class[v] = classify(uv[v], &middles)?;
+            }
+        }
+        Some(Self { region, uv, middles, centre, class, crossings: HashMap::new() })
+    }
+
+    fn spokes(&self) -> u32 {
+        u32::try_from(self.middles.len()).unwrap_or(NONE)
+    }
+
+    /// Spokes strictly between the ends of edge a → b, in the order they are crossed.
+    fn crossed(&self, a: u32, b: u32) -> Vec<u32> {
+        let (ca, cb) = (self.class[a as usize], self.class[b as usize]);
+        if ca == CENTRE || cb == CENTRE || ca == cb {
+            return Vec::new();
+        }
+        let turns = 2 * self.spokes();
+        let forward = orient(DVec2::ZERO, self.uv[a as usize], self.uv[b as usize]) >= 0.0;
+        let (mut at, mut spokes) = (ca, Vec::new());
+        loop {
+            at = if forward { (at + 1) % turns } else { (at + turns - 1) % turns };
+            if at == cb {
+                return spokes;
+            }
+            if at % 2 == 0 {
+                spokes.push(at / 2);
+            }
+        }
+    }
+
+    /// The points where edge a → b crosses spokes, made on first use; from a to b.
+    fn edge(&mut self, a: u32, b: u32) -> Vec<u32> {
+        let (low, high) = (a.min(b), a.max(b));
+        if !self.crossings.contains_key(&(low, high)) {
+            let made = self.crossed(low, high).into_iter().map(|k| self.cross(low, high, k)).collect();
+            self.crossings.insert((low, high), made);
+        }
+        let mut points = self.crossings[&(low, high)].clone();
+        if a > b {
+            points.reverse();
+        }
+        points
+    }
+
+    fn cross(&mut self, a: u32, b: u32, spoke: u32) -> u32 {
+        let direction = self.middles[spoke as usize];
+        let (ua, ub) = (self.uv[a as usize], self.uv[b as usize]);
+        let (da, db) = (direction.perp_dot(ua).abs(), direction.perp_dot(ub).abs());
+        let f = (da / (da + db).max(f64::MIN_POSITIVE)).clamp(1e-4, 1.0 - 1e-4);
+        let region = &mut *self.region;
+        let id = u32::try_from(region.positions.len()).unwrap_or(NONE);
+        let (pa, pb) = (region.positions[a as usize], region.positions[b as usize]);
+        region.positions.push(pa.lerp(pb, f));
+        region.attributes.push(mix(&region.attributes[a as usize], &region.attributes[b as usize], f));
+        self.uv.push(ua.lerp(ub, f));
+        self.class.push(2 * spoke);
+        id
+    }
+
+    /// Whether a point of this class belongs to the closed sector k.
+    fn in_sector(&self, class: Class, k: u32) -> bool {
+        class == CENTRE || class == 2 * k || class == 2 * k + 1 || class == (2 * k + 2) % (2 * self.spokes())
+    }
+
+    /// The patches; `None` when a sector is no disk with the expected outline.
+    fn cut(&mut self) -> Option<CutRegion> {
+        let n = self.spokes();
+        let mut pieces: Vec<Vec<[u32; 3]>> = vec![Vec::new(); n as usize];
+        let triangles = std::mem::take(&mut self.region.triangles);
+        let mut outline = Vec::new();
+        let mut polygon = Vec::new();
+        let mut seen: Vec<u32> = Vec::new();
+        for t in &triangles {
+            outline.clear();
+            for k in 0..3 {
+                outline.push(t[k]);
+                outline.extend(self.edge(t[k], t[(k + 1) % 3]));
+            }
+            seen.clear();
+            for i in 0..outline.len() {
+                let class = self.class[outline[i] as usize];
+                if class == CENTRE {
+                    continue;
+                }
+                // The sectors that this point borders on.
+                let candidates = if class % 2 == 1 { [class / 2; 2] } else { [class / 2, (class / 2 + n - 1) % n] };
+                for sector in candidates {
+                    if seen.contains(&sector) {
+                        continue;
+                    }
+                    seen.push(sector);
+                    polygon.clear();
+                    polygon.extend(outline.iter().filter(|&&p| self.in_sector(self.class[p as usize], sector)));
+                    let out = &mut pieces[sector as usize];
+                    // Fewer than three points: the triangle only touches this sector.
+                    out.extend((2..polygon.len()).map(|i| [polygon[0], polygon[i - 1], polygon[i]]));
+                }
+            }
+        }
+        let mut patches = Vec::with_capacity(n as usize);
+        let mut spokes: Vec<Option<Border>> = vec![None; n as usize];
+        for k in 0..n {
+            let patch = self.patch(k, &pieces[k as usize], &mut spokes)?;
+            patches.push(patch);
+        }
+        Some(CutRegion { patches, spokes: spokes.into_iter().collect::<Option<_>>()? })
+    }
+
+    fn patch(&self, k: u32, triangles: &[[u32; 3]], spokes: &mut [Option<Border>]) -> Option<Patch> {
+        let n = self.middles.len();
+        let (side, following) = (&self.region.sides[k as usize], &self.region.sides[(k as usize + 1) % n]);
+        let corners = [
+            self.centre,
+            side.vertices[side.middle],
+            following.vertices[0],
+            following.vertices[following.middle],
+        ];
+        let sides = sides_of_disk(triangles, corners)?;
+        // The outer sides must be the arcs, point by point: their borders are shared with other regions.
+        if sides[1] != side.vertices[side.middle..] || sides[2] != following.vertices[..=following.middle] {
+            return None;
+        }
+        let mut used: Vec<u32> = triangles.iter().flatten().copied().collect();
+        used.sort_unstable();
+        used.dedup();
+        let local = |v: u32| used.binary_search(&v).ok().and_then(|i| u32::try_from(i).ok());
+        let spoke = |vertices: &[u32]| {
+            border(
+                vertices.iter().map(|&v| self.region.positions[v as usize]).collect(),
+                vertices.iter().map(|&v| self.region.attributes[v as usize]).collect(),
+            )
+        };
+        let inwards: Vec<u32> = sides[3].iter().rev().copied().collect();
+        for (k, vertices) in [(k as usize, &sides[0]), ((k as usize + 1) % n, &inwards)] {
+            let border = spoke(vertices);
+            match &spokes[k] {
+                None => spokes[k] = Some(border),
+                Some(other) if other.points == border.points => {}
+                Some(_) => return None,
+            }
+        }
+        let localize = |side: &Vec<u32>| side.iter().map(|&v| local(v)).collect::<Option<Vec<u32>>>();
+        Some(Patch {
+            positions: used.iter().map(|&v| self.region.positions[v as usize]).collect(),
+            attributes: used.iter().map(|&v| self.region.attributes[v as usize]).collect(),
+            triangles: triangles
+                .iter()
+                .map(|t| Some([local(t[0])?, local(t[1])?, local(t[2])?]))
+                .collect::<Option<_>>()?,
+            sides: [localize(&sides[0])?, localize(&sides[1])?, localize(&sides[2])?, localize(&sides[3])?],
+            borders: [
+                (k, true),
+                side.halves[1],
+                following.halves[0],
+                ((k + 1) % u32::try_from(n).ok()?, false),
+            ],
+        })
+    }
+}
+
+/// Class of an interior point, by exact predicates; `None` at the origin itself.
+fn classify(p: DVec2, middles: &[DVec2]) -> Option<Class> {
+    let n = middles.len();
+    for k in 0..n {
+        let from = orient(DVec2::ZERO, middles[k], p);
+        let to = orient(DVec2::ZERO, middles[(k + 1) % n], p);
+        let ahead = middles[k].dot(p) > 0.0;
+        if from == 0.0 && ahead {
+            return u32::try_from(2 * k).ok();
+        }
+        // Sectors are narrower than half a turn.
+        if from > 0.0 && to < 0.0 {
+            return u32::try_from(2 * k + 1).ok();
+        }
+    }
+    None
+}
+
+/// Makes the origin a vertex; `None` when no triangle holds it or the flattening is folded there.
+fn insert_origin(region: &mut Region, uv: &mut Vec<DVec2>) -> Option<u32> {
+    let corners: Vec<u32> = region.sides.iter().flat_map(|s| s.vertices.iter().copied()).collect();
+    if let Some(v) = uv.iter().position(|p| *p == DVec2::ZERO) {
+        let v = u32::try_from(v).ok()?;
+        return (!corners.contains(&v)).then_some(v);
+    }
+    let signs = |t: &[u32; 3]| {
+        [0, 1, 2].map(|k| orient(uv[t[k] as usize], uv[t[(k + 1) % 3] as usize], DVec2::ZERO))
+    };
+    let holding: Vec<usize> = (0..region.triangles.len())
+        .filter(|&t| signs(&region.triangles[t]).iter().all(|&s| s >= 0.0))
+        .collect();
+    let first = region.triangles[*holding.first()?];
+    let s = signs(&first);
+    let on_edge = s.iter().filter(|&&s| s == 0.0).count();
+    if holding.len() != 1 + on_edge || on_edge > 1 {
+        return None;
+    }
+    let centre = u32::try_from(region.positions.len()).ok()?;
+    let total: f64 = s.iter().sum();
+    // signs()[k] belongs to edge k, so it weighs the corner opposite.
+    let weight = |corner: usize| s[(corner + 1) % 3] / total;
+    let position = (0..3).map(|c| weight(c) * region.positions[first[c] as usize]).sum();
+    region.positions.push(position);
+    let attributes = mean(first.iter().map(|&v| &region.attributes[v as usize]));
+    region.attributes.push(attributes);
+    uv.push(DVec2::ZERO);
+    let mut made = Vec::new();
+    for &t in &holding {
+        let triangle = region.triangles[t];
+        let s = [0, 1, 2].map(|k| orient(uv[triangle[k] as usize], uv[triangle[(k + 1) % 3] as usize], DVec2::ZERO));
+        made.extend((0..3).filter(|&k| s[k] != 0.0).map(|k| [centre, triangle[k], triangle[(k + 1) % 3]]));
+    }
+    let mut index = 0;
+    region.triangles.retain(|_| {
+        index += 1;
+        !holding.contains(&(index - 1))
+    });
+    region.triangles.extend(made);
+    Some(centre)
+}
+
+/// The outline of `triangles` between `corners`, when it is one loop through all four in order and they are a disk.
+fn sides_of_disk(triangles: &[[u32; 3]], corners: [u32; 4]) -> Option<[Vec<u32>; 4]> {
+    let edges: HashMap<(u32, u32), ()> =
+        triangles.iter().flat_map(|t| (0..3).map(|k| ((t[k], t[(k + 1) % 3]), ()))).collect();
+    if edges.len() != 3 * triangles.len() {
+        return None;
+    }
+    let mut open: HashMap<u32, u32> = HashMap::new();
+    let mut vertices = std::collections::HashSet::new();
+    let mut outline_edges = 0usize;
+    for t in triangles {
+        for k in 0..3 {
+            let (a, b) = (t[k], t[(k + 1) % 3]);
+            vertices.insert(a);
+            if !edges.contains_key(&(b, a)) {
+                outline_edges += 1;
+                if open.insert(a, b).is_some() {
+                    return None;
+                }
+            }
+        }
+    }
+    let mut sides: [Vec<u32>; 4] = Default::default();
+    let mut at = corners[0];
+    let mut walked = 0;
+    for s in 0..4 {
+        sides[s].push(at);
+        while at != corners[(s + 1) % 4] {
+            at = *open.get(&at)?;
+            walked += 1;
+            if walked > outline_edges {
+                return None;
+            }
+            sides[s].push(at);
+        }
+    }
+    let interior_edges = (edges.len() - outline_edges) / 2;
+    let euler = vertices.len() + triangles.len() == outline_edges + interior_edges + 1;
+    (walked == outline_edges && euler).then_some(sides)
+}

@@ -1,8 +1,25 @@
 //! Surface samples over the unit square, and how far they are from the source.
+//!
+//! Samples on a side come from the chart's borders, evaluated in the border's own direction, so both charts of a border get
+//! the same bits. Samples inside are found by rasterizing the patch's triangles in (u, v) with exact predicates:
+//! a certified parametrization covers every sample. Where it is not certified, the nearest triangle in (u, v) answers.
+//!
+//! A sample depends on its place in the square alone: any window of any resolution gives the bits that the whole grid has
+//! there.
+//!
+//! Errors: see [`overlay`]'s introduction for the method and [`GridError`] for what is guaranteed.
+
+mod attributes;
+mod borders;
+mod locate;
+mod overlay;
+mod polygon;
+mod tighten;
 
 use crate::atlas::patch::{Attributes, Border, Patch};
 use crate::parameterize::Parametrization;
 use glam::DVec3;
+use locate::{Bins, Raster};
 
 /// A grid of (2^resolution + 1)² surface samples, row by row from (u, v) = (0, 0).
 #[derive(Debug, Clone, Default)]
@@ -15,11 +32,24 @@ pub struct Grid {
     pub attributes: Vec<Attributes>,
 }
 
-/// Samples the patch at `resolution`; border samples come from `borders` (evaluated in the border's own direction), so
-/// both charts of a border get bit-equal ones.
-pub fn resample(patch: &Patch, parametrization: &Parametrization, borders: &[Border], resolution: u8) -> Grid {
-    let _ = (patch, parametrization, borders, resolution);
-    unimplemented!()
+/// A square part of a chart's grid: `cells` × `cells` cells of `resolution` from cell (x, y).
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Window {
+    /// log2 of the whole chart's cells a side, at most 30.
+    pub resolution: u8,
+    /// First cell along u.
+    pub x: u32,
+    /// First cell along v.
+    pub y: u32,
+    /// Cells a side; for errors a power of two.
+    pub cells: u32,
+}
+
+impl Window {
+    /// The whole chart.
+    pub fn whole(resolution: u8) -> Self {
+        Self { resolution, x: 0, y: 0, cells: 1 << resolution }
+    }
 }
 
 /// How far a grid's surface is from its patch.
@@ -27,15 +57,91 @@ pub fn resample(patch: &Patch, parametrization: &Parametrization, borders: &[Bor
 pub struct GridError {
     /// Upper bound of the Hausdorff distance both ways.
     pub max: f64,
+    /// Largest distance to the source triangle's plane over the overlay of both meshes, at corresponding points:
+    /// realistic, not guaranteed; never above `max`.
+    pub max_plane: f64,
     /// Area-weighted mean of the squared distance (to the tangent plane of the source).
     pub mean_square: f64,
     /// Source area that the mean was taken over.
     pub area: f64,
 }
 
+/// Samples the patch at `resolution`; border samples come from `borders` (evaluated in the border's own direction), so
+/// both charts of a border get bit-equal ones.
+pub fn resample(patch: &Patch, parametrization: &Parametrization, borders: &[Border], resolution: u8) -> Grid {
+    let window = Window::whole(resolution);
+    let mut raster = Raster::new(window);
+    for (corners, triangle) in patch.triangles.iter().zip(0u32..) {
+        raster.draw(triangle, corners.map(|vertex| parametrization.uv[vertex as usize]));
+    }
+    raster.into_grid(patch, &parametrization.uv, borders)
+}
+
+/// Samples a window; equal to that part of the whole grid, bit for bit.
+///
+/// For many windows of one patch use a [`Sampler`].
+pub fn resample_window(
+    patch: &Patch,
+    parametrization: &Parametrization,
+    borders: &[Border],
+    window: Window,
+) -> Grid {
+    Sampler::new(patch, parametrization).grid(borders, window)
+}
+
 /// Error of every coarser resolution and of the grid itself: `result[r]` for r in `0..=resolution`, over the whole chart.
 /// `positions` are the decoded samples at `resolution` (same order as [`Grid`]).
-pub fn grid_errors(patch: &Patch, parametrization: &Parametrization, resolution: u8, positions: &[DVec3]) -> Vec<GridError> {
-    let _ = (patch, parametrization, resolution, positions);
-    unimplemented!()
+pub fn grid_errors(
+    patch: &Patch,
+    parametrization: &Parametrization,
+    resolution: u8,
+    positions: &[DVec3],
+) -> Vec<GridError> {
+    let all: Vec<u32> = (0u32..).take(patch.triangles.len()).collect();
+    overlay::errors(patch, &parametrization.uv, &all, Window::whole(resolution), positions)
+}
+
+/// Errors over a window: `result[k]` where it is drawn with 2^k cells a side, up to `window.cells`.
+/// `positions` are its (cells + 1)² decoded samples.
+///
+/// For many windows of one patch use a [`Sampler`].
+pub fn grid_errors_window(
+    patch: &Patch,
+    parametrization: &Parametrization,
+    window: Window,
+    positions: &[DVec3],
+) -> Vec<GridError> {
+    Sampler::new(patch, parametrization).errors(window, positions)
+}
+
+/// A patch whose triangles are sorted into bins over (u, v), for many windows.
+#[derive(Debug)]
+pub struct Sampler<'a> {
+    patch: &'a Patch,
+    parametrization: &'a Parametrization,
+    bins: Bins,
+}
+
+impl<'a> Sampler<'a> {
+    /// Sorts the triangles.
+    pub fn new(patch: &'a Patch, parametrization: &'a Parametrization) -> Self {
+        let bins = Bins::new(&patch.triangles, &parametrization.uv);
+        Self { patch, parametrization, bins }
+    }
+
+    /// See [`resample_window`].
+    pub fn grid(&self, borders: &[Border], window: Window) -> Grid {
+        let mut raster = Raster::new(window);
+        for triangle in self.bins.touching(window) {
+            let corners = self.patch.triangles[triangle as usize];
+            raster.draw(triangle, corners.map(|vertex| self.parametrization.uv[vertex as usize]));
+        }
+        raster.into_grid(self.patch, &self.parametrization.uv, borders)
+    }
+
+    /// See [`grid_errors_window`].
+    pub fn errors(&self, window: Window, positions: &[DVec3]) -> Vec<GridError> {
+        let triangles = self.bins.touching(window);
+        overlay::errors(self.patch, &self.parametrization.uv, &triangles, window, positions)
+    }
 }

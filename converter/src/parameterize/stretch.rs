@@ -1,0 +1,106 @@
+//! L² stretch of a map from the square to the surface.
+//!
+//! Sander, Snyder, Gortler & Hoppe, "Texture mapping progressive meshes", 2001: the root mean square of the map's
+//! directional derivatives, by area. Here it is normalised by the total areas, so an isometry up to scale has stretch 1.
+//!
+//! Triangles without area in space carry no stretch; a triangle without area in (u, v) has infinite stretch.
+
+use crate::atlas::patch::Patch;
+use glam::DVec2;
+
+/// Bounds of a vertex's stretch relative to the mean: one reweight changes a weight at most by their squares.
+const STRETCH_RANGE: [f64; 2] = [1e-2, 1e2];
+
+/// What stretch needs of the triangles in space.
+#[derive(Debug)]
+pub(super) struct Metric {
+    shapes: Vec<Shape>,
+    area: f64,
+}
+
+/// Squared lengths of two sides of a triangle, their dot product, and the area.
+#[derive(Debug, Clone, Copy)]
+struct Shape {
+    first: f64,
+    second: f64,
+    dot: f64,
+    area: f64,
+}
+
+impl Metric {
+    pub(super) fn of(patch: &Patch) -> Self {
+        let mut area = 0.0;
+        let shapes = patch
+            .triangles
+            .iter()
+            .map(|corners| {
+                let [a, b, c] = corners.map(|vertex| patch.positions[vertex as usize]);
+                let (first, second) = (b - a, c - a);
+                let shape = Shape {
+                    first: first.length_squared(),
+                    second: second.length_squared(),
+                    dot: first.dot(second),
+                    area: 0.5 * first.cross(second).length(),
+                };
+                area += shape.area;
+                shape
+            })
+            .collect();
+        Self { shapes, area }
+    }
+
+    /// L² stretch of the whole map, at least 1; 0 without area in space, infinite if a face has none in (u, v).
+    pub(super) fn stretch(&self, patch: &Patch, uv: &[DVec2]) -> f64 {
+        if self.area <= 0.0 {
+            return 0.0;
+        }
+        let mut energy = 0.0;
+        for (corners, shape) in patch.triangles.iter().zip(&self.shapes) {
+            energy += shape.energy(corners.map(|vertex| uv[vertex as usize]));
+        }
+        energy.sqrt() / self.area
+    }
+
+    /// Stretch around every vertex relative to the whole map's, 1 where there is none to speak of.
+    pub(super) fn vertex_stretch(&self, patch: &Patch, uv: &[DVec2], around: &mut Vec<f64>) {
+        let mut sums = vec![(0.0, 0.0); uv.len()];
+        let (mut total_energy, mut total_area) = (0.0, 0.0);
+        for (corners, shape) in patch.triangles.iter().zip(&self.shapes) {
+            let energy = shape.energy(corners.map(|vertex| uv[vertex as usize]));
+            total_energy += energy;
+            total_area += shape.area;
+            for &vertex in corners {
+                let sum = &mut sums[vertex as usize];
+                sum.0 += energy;
+                sum.1 += shape.area;
+            }
+        }
+        let mean = total_energy / total_area;
+        around.clear();
+        around.extend(sums.iter().map(|&(energy, area)| {
+            let relative = (energy / area / mean).sqrt();
+            if relative.is_finite() {
+                relative.clamp(STRETCH_RANGE[0], STRETCH_RANGE[1])
+            } else {
+                1.0
+            }
+        }));
+    }
+}
+
+impl Shape {
+    /// Area times squared L² stretch, where the square has area 1.
+    fn energy(&self, [a, b, c]: [DVec2; 3]) -> f64 {
+        if self.area <= 0.0 {
+            return 0.0;
+        }
+        let (first, second) = (b - a, c - a);
+        let doubled_area = first.perp_dot(second);
+        if doubled_area <= 0.0 {
+            return f64::INFINITY;
+        }
+        let gradient = self.first * second.length_squared() + self.second * first.length_squared()
+            - 2.0 * self.dot * first.dot(second);
+        0.5 * self.area * (gradient / doubled_area / doubled_area).max(0.0)
+    }
+}

@@ -1,0 +1,80 @@
+//! Seeds added to Voronoi cells until they are the dual of a triangulation.
+//!
+//! As in the topological refinement of restricted Voronoi diagrams (Edelsbrunner & Shah, "Triangulating topological
+//! spaces", 1997; farthest points as in Peyré & Cohen, "Geodesic remeshing using front propagation", 2006). It ends at the
+//! latest when every vertex is a seed, which is the mesh itself.
+
+use super::surface::Surface;
+use super::verify::{Violation, faults};
+use super::voronoi::Voronoi;
+use crate::mesh::ManifoldMesh;
+
+/// Rounds after which a component that is still invalid is given up; two or three dozen are normal for genus 100.
+const ROUNDS: u32 = 200;
+
+/// Adds seeds until the cells are valid. Returns the components that are still invalid.
+pub(super) fn repair(mesh: &ManifoldMesh, surface: &Surface, voronoi: &mut Voronoi) -> Vec<u32> {
+    let mut bad = Vec::new();
+    for _ in 0..ROUNDS {
+        let regions = super::complex::id(voronoi.seeds.len());
+        bad = faults(mesh, &surface.loop_of, &voronoi.labels, regions);
+        let seeds = splits(surface, voronoi, &bad);
+        if seeds.is_empty() {
+            break;
+        }
+        voronoi.add(surface, &seeds);
+    }
+    let regions = voronoi.seeds.len();
+    let mut stubborn: Vec<u32> = bad
+        .iter()
+        .map(|fault| match involved(fault)[0] as usize {
+            region if region < regions => surface.component_of[voronoi.seeds[region] as usize],
+            beyond => surface.component_of[surface.loops[beyond - regions][0] as usize],
+        })
+        .collect();
+    stubborn.sort_unstable();
+    stubborn.dedup();
+    stubborn
+}
+
+fn involved(fault: &Violation) -> &[u32] {
+    match fault {
+        Violation::NotADisk { region, .. } | Violation::Neighbours { region, .. } => std::slice::from_ref(region),
+        Violation::Arcs { regions, .. } => regions,
+        Violation::Triple { regions } => regions,
+        _ => &[0],
+    }
+}
+
+/// New seeds: for each fault the farthest vertex of the widest cell involved.
+fn splits(surface: &Surface, voronoi: &Voronoi, bad: &[Violation]) -> Vec<u32> {
+    let farthest = voronoi.farthest();
+    let mut seeds = Vec::new();
+    for fault in bad {
+        let regions = involved(fault);
+        let widest = regions.iter().filter_map(|&region| farthest.get(region as usize)).max_by(|a, b| a.0.total_cmp(&b.0));
+        match (widest, fault) {
+            (Some(&(distance, v)), _) if distance > 0.0 => seeds.push(v),
+            (None, Violation::Neighbours { region, .. }) => {
+                let members = &surface.loops[*region as usize - farthest.len()];
+                let distance = |v: u32| voronoi.distances[v as usize];
+                let far = members.iter().copied().max_by(|&a, &b| distance(a).total_cmp(&distance(b)).then(b.cmp(&a)));
+                seeds.extend(far.filter(|&v| distance(v) > 0.0));
+            }
+            // Single vertices: their neighbours have to give.
+            _ => {
+                for seed in regions.iter().filter_map(|&region| voronoi.seeds.get(region as usize)) {
+                    for &w in surface.neighbours(*seed) {
+                        let (distance, v) = farthest[voronoi.labels[w as usize] as usize];
+                        if distance > 0.0 {
+                            seeds.push(v);
+                        }
+                    }
+                }
+            }
+        }
+    }
+    seeds.sort_unstable();
+    seeds.dedup();
+    seeds
+}

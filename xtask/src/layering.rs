@@ -44,7 +44,6 @@ const RULES: [Rule; 6] = [
             "tobj",
             "stl_io",
             "ply-rs*",
-            "rayon",
             "marquetry-*",
         ],
         why: "format knows no async, GPU or mesh crate, and none of ours",
@@ -86,7 +85,6 @@ const RULES: [Rule; 6] = [
             "marquetry-evaluation",
             "winit",
             "axum",
-            "tokio",
             "reqwest",
         ],
         why: "converter, server and engine never see each other; the engine knows no window",
@@ -94,8 +92,8 @@ const RULES: [Rule; 6] = [
     Rule {
         package: "marquetry-engine",
         reach: Reach::Direct,
-        forbidden: &["web-sys", "js-sys", "wasm-bindgen*"],
-        why: "the engine knows no browser API",
+        forbidden: &["web-sys", "js-sys", "wasm-bindgen*", "tokio", "futures*"],
+        why: "the engine knows no browser API and no async runtime",
     },
     Rule {
         package: "marquetry-evaluation",

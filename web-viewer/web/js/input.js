@@ -1,0 +1,78 @@
+// From DOM events to the engine's input. The engine knows what they mean; here is only how browsers put them.
+
+const SHIFT = 1;
+const CONTROL = 2;
+const ALT = 4;
+
+/** CSS pixels of one notch, and how many of them one line or page of other wheels stands for. */
+const NOTCH_PX = 100;
+const PX_PER_LINE = 33;
+const PX_PER_PAGE = 400;
+/** Browsers report a pinch on a trackpad as a small turn of the wheel with Control held. */
+const PINCH_GAIN = 8;
+const MOST_NOTCHES = 4;
+
+/**
+ * Passes events on `canvas`, and keys on `host`, to the view that `view()` returns, if any; calls `changed` when one
+ * meant something. Lasts until `signal` aborts.
+ */
+export function listen(canvas, host, view, changed, signal) {
+  const on = (target, type, handler) =>
+    target.addEventListener(type, (event) => view() && handler(view(), event), { signal, passive: false });
+
+  const place = (event) => {
+    const box = canvas.getBoundingClientRect();
+    const scale = box.width > 0 ? canvas.width / box.width : 1;
+    return [(event.clientX - box.left) * scale, (event.clientY - box.top) * scale];
+  };
+
+  on(canvas, "pointerdown", (view, event) => {
+    host.focus({ preventScroll: true });
+    // A pointer of a synthetic event cannot be captured, and need not be.
+    try {
+      canvas.setPointerCapture(event.pointerId);
+    } catch {}
+    const touch = event.pointerType === "touch";
+    if (view.pointerDown(id(event), touch, event.button, ...place(event), modifiers(event))) {
+      event.preventDefault();
+      changed();
+    }
+  });
+  on(canvas, "pointermove", (view, event) => {
+    if (view.pointerMove(id(event), ...place(event))) changed();
+  });
+  for (const type of ["pointerup", "pointercancel", "lostpointercapture"]) {
+    on(canvas, type, (view, event) => {
+      if (view.pointerUp(id(event))) changed();
+    });
+  }
+  on(canvas, "contextmenu", (_view, event) => event.preventDefault());
+  on(canvas, "wheel", (view, event) => {
+    if (view.wheel(notches(event), ...place(event))) {
+      event.preventDefault();
+      changed();
+    }
+  });
+  on(host, "keydown", (view, event) => {
+    if (event.defaultPrevented || event.metaKey) return;
+    if (view.key(event.key, modifiers(event))) {
+      event.preventDefault();
+      changed();
+    }
+  });
+}
+
+function id(event) {
+  return event.pointerId >>> 0;
+}
+
+function modifiers(event) {
+  return (event.shiftKey ? SHIFT : 0) | (event.ctrlKey || event.metaKey ? CONTROL : 0) | (event.altKey ? ALT : 0);
+}
+
+export function notches(event) {
+  const unit = [1, PX_PER_LINE, PX_PER_PAGE][event.deltaMode] ?? 1;
+  const gain = event.ctrlKey ? PINCH_GAIN : 1;
+  const turned = (event.deltaY * unit * gain) / NOTCH_PX;
+  return Math.max(-MOST_NOTCHES, Math.min(MOST_NOTCHES, turned));
+}

@@ -1,0 +1,440 @@
+// The custom element:
+//
+//   <script type="module" src="…/marquetry.js"></script>
+//   <marquetry-viewer src="…/dragon.marq" error-px="1" transition="geomorph"></marquetry-viewer>
+//
+// Attributes: src, error-px, transition, shade, background (RRGGBB), cache (bytes), camera, time.
+// Events: ready (first image), progress, settled (nothing missing for this view), camerachange, shadechange, error.
+// Members: camera, shade, state, stats(), facts(), screenshot(), setTime(t), reload().
+
+import { listen } from "./input.js";
+import { LoadError, Source } from "./source.js";
+
+/** Attributes that are passed to the engine as they are. */
+const OPTIONS = ["error-px", "transition", "shade", "background", "cache"];
+
+/** Longest step of the clock, seconds: after a pause nothing jumps. */
+const LONGEST_STEP = 0.1;
+const FIRST_STEP = 1 / 60;
+
+/** Cache for machines that say they are small. */
+const SMALL_CACHE_BYTES = 192 * 1024 * 1024;
+
+const STYLE = `
+  :host { display: block; position: relative; overflow: hidden; min-height: 8rem; contain: content; }
+  :host([hidden]) { display: none; }
+  :host(:focus-visible) { outline: 2px solid Highlight; outline-offset: -2px; }
+  canvas { position: absolute; inset: 0; width: 100%; height: 100%; display: block; touch-action: none; cursor: grab; }
+  canvas:active { cursor: grabbing; }
+  [role="alert"] {
+    position: absolute; inset: 0; display: grid; place-content: center; justify-items: center; gap: 0.75rem;
+    padding: 1.5rem; text-align: center; font: 1rem/1.5 system-ui, sans-serif; color: #e8e6e1; background: #202226;
+  }
+  [role="alert"][hidden] { display: none; }
+  strong { font-size: 1.15rem; }
+  p { margin: 0; max-width: 34rem; overflow-wrap: anywhere; }
+  button { font: inherit; padding: 0.4rem 1.1rem; border-radius: 0.4rem; border: 1px solid #8b8f98; background: none;
+    color: inherit; cursor: pointer; }
+  button:hover { background: #ffffff1a; }
+`;
+
+/** The generated module, loaded once for all viewers of the page. */
+let engine;
+
+function loadEngine() {
+  engine ??= import("./marquetry_web.js")
+    .then(async (module) => {
+      await module.default();
+      return module;
+    })
+    .catch((error) => {
+      // The next viewer, or the next try, may have more luck.
+      engine = undefined;
+      throw new LoadError(`the viewer itself cannot be loaded: ${error.message}`);
+    });
+  return engine;
+}
+
+export class MarquetryViewer extends HTMLElement {
+  static observedAttributes = ["src", "camera", "time", ...OPTIONS];
+
+  #canvas = document.createElement("canvas");
+  #alert = document.createElement("div");
+  #life = null;
+  #loading = null;
+  #gpu = null;
+  #view = null;
+  #source = null;
+  #frame = 0;
+  #lastTime = 0;
+  #frameMs = NaN;
+  #pixels = [0, 0];
+  #time = 0;
+  #ready = false;
+  #settled = false;
+  #progress = -1;
+  #lastCamera = "";
+  #lastShade = "";
+
+  constructor() {
+    super();
+    const root = this.attachShadow({ mode: "open" });
+    const sheet = new CSSStyleSheet();
+    sheet.replaceSync(STYLE);
+    root.adoptedStyleSheets = [sheet];
+    this.#alert.setAttribute("role", "alert");
+    this.#alert.hidden = true;
+    this.#canvas.setAttribute("aria-hidden", "true");
+    root.append(this.#canvas, this.#alert);
+  }
+
+  connectedCallback() {
+    if (!this.hasAttribute("tabindex")) this.tabIndex = 0;
+    if (!this.hasAttribute("role")) this.setAttribute("role", "application");
+    if (!this.hasAttribute("aria-label")) {
+      this.setAttribute("aria-label", "3D viewer: arrow keys orbit, with Shift they pan; plus and minus zoom; Home resets");
+    }
+    this.#life = new AbortController();
+    listen(this.#canvas, this, () => this.#view, () => this.#wake(), this.#life.signal);
+    const observer = new ResizeObserver((entries) => this.#measure(entries.at(-1)));
+    try {
+      observer.observe(this, { box: "device-pixel-content-box" });
+    } catch {
+      observer.observe(this);
+    }
+    this.#life.signal.addEventListener("abort", () => observer.disconnect());
+    this.#load();
+  }
+
+  disconnectedCallback() {
+    this.#life?.abort();
+    this.#unload();
+    this.#gpu?.free();
+    this.#gpu = null;
+    // A canvas keeps the context that was made for it; a viewer that comes back gets a new one.
+    const fresh = this.#canvas.cloneNode();
+    this.#canvas.replaceWith(fresh);
+    this.#canvas = fresh;
+    this.#pixels = [0, 0];
+  }
+
+  attributeChangedCallback(name, before, value) {
+    if (!this.isConnected || this.#life === null || before === value) return;
+    if (name === "src") this.#load();
+    else if (name === "time") this.setTime(Number(value ?? 0));
+    else if (name === "camera") this.#attempt(() => value !== null && this.#view?.setCamera(value));
+    else this.#attempt(() => this.#applyOption(name));
+    this.#wake();
+  }
+
+  /** URL of the file. */
+  get src() {
+    return this.getAttribute("src") ?? "";
+  }
+
+  set src(value) {
+    this.setAttribute("src", value);
+  }
+
+  /** `eye.x,eye.y,eye.z,target.x,target.y,target.z`, as `marquetry render --camera` takes it; empty before `ready`. */
+  get camera() {
+    return this.#view?.camera ?? "";
+  }
+
+  set camera(value) {
+    if (!this.#view) throw new Error("the camera can be set once the viewer is ready");
+    this.#view.setCamera(String(value));
+    this.#wake();
+  }
+
+  /** What the surface's colour shows: lit, normal, lod, wire. */
+  get shade() {
+    return this.#view?.shade ?? this.getAttribute("shade") ?? "lit";
+  }
+
+  set shade(value) {
+    this.setAttribute("shade", value);
+    this.#attempt(() => this.#applyOption("shade"));
+    this.#wake();
+  }
+
+  /** `empty`, `loading`, `ready`, `settled` or `failed`. */
+  get state() {
+    if (!this.#alert.hidden) return "failed";
+    if (this.#ready) return this.#settled ? "settled" : "ready";
+    return this.#loading ? "loading" : "empty";
+  }
+
+  /** What is drawn and what it took; keys as in `marquetry render --json`. Null before `ready`. */
+  stats() {
+    if (!this.#view) return null;
+    const stats = JSON.parse(this.#view.stats());
+    stats.network = { requests: this.#source.requests, bytes: this.#source.bytes };
+    return stats;
+  }
+
+  /** Facts of the file: source_triangles, charts, pages. Null before `ready`. */
+  facts() {
+    return this.#view ? JSON.parse(this.#view.facts()) : null;
+  }
+
+  /** The picture as a PNG blob. */
+  async screenshot() {
+    if (!this.#ready) throw new Error("there is no picture yet");
+    // The browser takes the canvas' picture away when this task ends: draw and read in one go.
+    this.#view.frame(0, true);
+    const blob = new Promise((resolve) => this.#canvas.toBlob(resolve, "image/png"));
+    this.#wake();
+    const png = await blob;
+    if (!png) throw new Error("the picture cannot be read");
+    return png;
+  }
+
+  /** Point in time that a scene is shown at. Scans have no time and look the same at any. */
+  setTime(time) {
+    if (!Number.isFinite(time)) throw new TypeError("time is a finite number");
+    this.#time = time;
+    this.#wake();
+  }
+
+  /** Point in time that was set. */
+  get time() {
+    return this.#time;
+  }
+
+  /** Loads the file anew. */
+  reload() {
+    this.#load();
+  }
+
+  async #load() {
+    this.#unload();
+    this.#alert.hidden = true;
+    if (!this.src || !this.isConnected) return;
+    const loading = new AbortController();
+    this.#loading = loading;
+    const gone = () => loading.signal.aborted;
+    let opener = null;
+    try {
+      const url = new URL(this.src, document.baseURI).href;
+      if (!navigator.gpu) throw new MissingWebGpu();
+      const source = new Source(url, loading.signal);
+      this.#source = source;
+      // The first bytes are on their way while the engine loads.
+      const first = source.range(0, FIRST_READ_BYTES);
+      first.catch(() => {});
+      const module = await loadEngine();
+      opener = new module.Opener();
+      let bytes = opener.end === FIRST_READ_BYTES ? await first : null;
+      while (!opener.isOpen) {
+        bytes ??= await source.range(opener.start, opener.end);
+        if (gone()) return;
+        opener.feed(bytes);
+        bytes = null;
+      }
+      source.usePages(opener.contentId);
+      await this.#openGpu(module);
+      if (gone()) return;
+      const document = opener;
+      // The view takes it over, also when it refuses it.
+      opener = null;
+      this.#view = new module.View(this.#gpu, document);
+      this.#applyAll();
+      this.#resize();
+      this.#wake();
+    } catch (error) {
+      if (!gone()) this.#fail(error);
+    } finally {
+      opener?.free();
+    }
+  }
+
+  async #openGpu(module) {
+    if (this.#gpu) return;
+    const canvas = this.#canvas;
+    let gpu;
+    try {
+      gpu = await module.Gpu.open(canvas);
+    } catch (error) {
+      throw new MissingWebGpu(error.message);
+    }
+    // The viewer may have left the page, or begun anew, meanwhile.
+    if (this.#canvas === canvas && !this.#gpu) this.#gpu = gpu;
+    else gpu.free();
+  }
+
+  #unload() {
+    this.#loading?.abort();
+    this.#loading = null;
+    cancelAnimationFrame(this.#frame);
+    this.#frame = 0;
+    this.#lastTime = 0;
+    this.#view?.free();
+    this.#view = null;
+    this.#source = null;
+    this.#ready = false;
+    this.#settled = false;
+    this.#progress = -1;
+    this.#lastCamera = "";
+    this.#lastShade = "";
+  }
+
+  #applyAll() {
+    // What a machine can hold is a guess; an attribute overrules it.
+    if ((navigator.deviceMemory ?? 8) <= 4) this.#view.setOption("cache", String(SMALL_CACHE_BYTES));
+    for (const name of OPTIONS) this.#applyOption(name);
+    const camera = this.getAttribute("camera");
+    if (camera) this.#view.setCamera(camera);
+    const time = this.getAttribute("time");
+    if (time !== null) this.setTime(Number(time));
+  }
+
+  #applyOption(name) {
+    const value = this.getAttribute(name);
+    if (value !== null) this.#view?.setOption(name, value);
+  }
+
+  /** Does what a page asked for; a wrong value is reported and changes nothing. */
+  #attempt(change) {
+    try {
+      change();
+    } catch (error) {
+      this.#emit("error", { message: sentence(error.message), fatal: false, kind: "option" });
+    }
+  }
+
+  #measure(entry) {
+    const box = entry.devicePixelContentBoxSize?.[0];
+    const scale = devicePixelRatio || 1;
+    this.#pixels = box
+      ? [box.inlineSize, box.blockSize]
+      : [Math.round(entry.contentRect.width * scale), Math.round(entry.contentRect.height * scale)];
+    this.#resize();
+    this.#wake();
+  }
+
+  #resize() {
+    const [width, height] = this.#pixels;
+    if (!this.#view || width < 1 || height < 1) return;
+    const shrink = Math.min(1, this.#gpu.maxSize / Math.max(width, height));
+    this.#canvas.width = Math.max(1, Math.floor(width * shrink));
+    this.#canvas.height = Math.max(1, Math.floor(height * shrink));
+    this.#view.resize(this.#canvas.width, this.#canvas.height);
+  }
+
+  #wake() {
+    if (this.#view && !this.#frame) this.#frame = requestAnimationFrame((time) => this.#tick(time));
+  }
+
+  #tick(time) {
+    this.#frame = 0;
+    const view = this.#view;
+    const [width, height] = this.#pixels;
+    if (!view || width < 1 || height < 1) return;
+    const step = this.#lastTime ? (time - this.#lastTime) / 1000 : FIRST_STEP;
+    const start = performance.now();
+    let drew;
+    try {
+      drew = view.frame(Math.min(Math.max(step, 0), LONGEST_STEP), false);
+    } catch (error) {
+      this.#fail(error);
+      return;
+    }
+    if (drew) {
+      this.#frameMs = this.#lastTime ? time - this.#lastTime : this.#frameMs;
+      view.setTimes(this.#frameMs, performance.now() - start);
+    }
+    if (drew && !this.#ready) {
+      this.#ready = true;
+      this.#emit("ready", { requests: this.#source.requests, bytes: this.#source.bytes });
+    }
+    this.#fetchAll();
+    this.#report();
+    if (this.#view !== view) return;
+    const again = view.wantsFrame;
+    this.#lastTime = again ? time : 0;
+    if (again) this.#wake();
+  }
+
+  #fetchAll() {
+    const view = this.#view;
+    const source = this.#source;
+    const numbers = view.takeRequests();
+    for (let i = 0; i < numbers.length; i += 6) {
+      const id = numbers[i];
+      const [pages, first, last, start, end] = Array.from(numbers.subarray(i + 1, i + 6), Number);
+      const answer = pages ? source.pages(first, last, start, end) : source.range(start, end);
+      answer.then(
+        (bytes) => this.#view === view && view.deliver(id, bytes),
+        (error) => this.#view === view && view.fail(id, error.message),
+      ).then(() => this.#view === view && this.#wake());
+    }
+  }
+
+  #report() {
+    const view = this.#view;
+    const failures = view.takeFailures();
+    if (failures.length > 0) this.#emit("error", { message: sentence(failures.at(-1)), fatal: false, kind: "network" });
+    const { progress, camera, shade, isSettled } = view;
+    if (Math.abs(progress - this.#progress) > 0.002 || (isSettled && this.#progress !== progress)) {
+      this.#progress = progress;
+      this.#emit("progress", { progress, bytes: this.#source.bytes, requests: this.#source.requests });
+    }
+    if (camera !== this.#lastCamera) {
+      this.#lastCamera = camera;
+      this.#emit("camerachange", { camera });
+    }
+    if (shade !== this.#lastShade) {
+      this.#lastShade = shade;
+      this.#emit("shadechange", { shade });
+    }
+    if (this.#ready && isSettled !== this.#settled) {
+      this.#settled = isSettled;
+      if (isSettled) this.#emit("settled", { bytes: this.#source.bytes, requests: this.#source.requests });
+    }
+  }
+
+  #fail(error) {
+    const kind = error instanceof MissingWebGpu ? "webgpu" : error instanceof LoadError ? "network" : "file";
+    const title = kind === "webgpu" ? "This browser cannot draw with WebGPU" : "This scan cannot be shown";
+    const message = sentence(error.message);
+    this.#unload();
+    const heading = document.createElement("strong");
+    heading.textContent = title;
+    const text = document.createElement("p");
+    text.textContent = message;
+    const retry = document.createElement("button");
+    retry.type = "button";
+    retry.textContent = "Try again";
+    retry.addEventListener("click", () => this.reload());
+    this.#alert.replaceChildren(heading, text, retry);
+    this.#alert.hidden = false;
+    this.#emit("error", { message, fatal: true, kind });
+  }
+
+  #emit(type, detail) {
+    this.dispatchEvent(new CustomEvent(type, { detail }));
+  }
+}
+
+/** Bytes of the first read; the engine says so too, but is not here yet when it begins. */
+const FIRST_READ_BYTES = 64 * 1024;
+
+class MissingWebGpu extends Error {
+  constructor(reason) {
+    super(
+      (reason ? `${sentence(reason)} ` : "") +
+        "Chrome and Edge have WebGPU since version 113, Safari since 26, Firefox since 141 on Windows and 145 on macOS; " +
+        (window.isSecureContext
+          ? "it may have to be switched on, and graphics acceleration with it."
+          : "and all of them only on pages that come over https, or from this computer."),
+    );
+  }
+}
+
+function sentence(text) {
+  const whole = text.charAt(0).toUpperCase() + text.slice(1);
+  return /[.!?]$/.test(whole) ? whole : `${whole}.`;
+}
+
+if (!customElements.get("marquetry-viewer")) customElements.define("marquetry-viewer", MarquetryViewer);

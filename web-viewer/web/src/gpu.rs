@@ -1,0 +1,144 @@
+//! A canvas and its GPU.
+
+use marquetry_engine::Renderer;
+use marquetry_engine::wgpu;
+use std::rc::Rc;
+use std::sync::{Arc, OnceLock};
+use wasm_bindgen::prelude::*;
+use web_sys::HtmlCanvasElement;
+
+/// A canvas that can be drawn to.
+#[wasm_bindgen]
+#[derive(Debug, Clone)]
+pub struct Gpu {
+    pub(crate) context: Rc<Context>,
+}
+
+#[derive(Debug)]
+pub(crate) struct Context {
+    pub(crate) device: wgpu::Device,
+    pub(crate) queue: wgpu::Queue,
+    /// Name of the adapter, as far as the browser tells.
+    pub(crate) adapter: String,
+    /// Format that is drawn in: the canvas' own, as sRGB.
+    pub(crate) format: wgpu::TextureFormat,
+    surface: wgpu::Surface<'static>,
+    surface_format: wgpu::TextureFormat,
+    /// The first error that nobody caught, a lost device included.
+    fault: Arc<OnceLock<String>>,
+}
+
+#[wasm_bindgen]
+impl Gpu {
+    /// Asks the browser for a device that draws to `canvas`.
+    ///
+    /// # Errors
+    /// When there is no adapter or no device, in words for the user.
+    pub async fn open(canvas: HtmlCanvasElement) -> Result<Gpu, JsError> {
+        let instance = wgpu::Instance::new(wgpu::InstanceDescriptor {
+            backends: wgpu::Backends::BROWSER_WEBGPU,
+            ..wgpu::InstanceDescriptor::new_without_display_handle()
+        });
+        let surface = instance.create_surface(wgpu::SurfaceTarget::Canvas(canvas))?;
+        let adapter = instance
+            .request_adapter(&wgpu::RequestAdapterOptions {
+                power_preference: wgpu::PowerPreference::HighPerformance,
+                compatible_surface: Some(&surface),
+                ..wgpu::RequestAdapterOptions::default()
+            })
+            .await
+            .map_err(|error| {
+                JsError::new(&format!("the browser offers no graphics adapter ({error})"))
+            })?;
+        let (device, queue) = adapter
+            .request_device(&wgpu::DeviceDescriptor {
+                label: Some("marquetry"),
+                required_limits: Renderer::limits(&adapter),
+                ..wgpu::DeviceDescriptor::default()
+            })
+            .await
+            .map_err(|error| {
+                JsError::new(&format!("the graphics adapter gives no device ({error})"))
+            })?;
+        let fault = Arc::new(OnceLock::new());
+        let lost = Arc::clone(&fault);
+        device.set_device_lost_callback(move |reason, message| {
+            // We destroy devices ourselves when a viewer leaves the page.
+            if reason != wgpu::DeviceLostReason::Destroyed {
+                let _ = lost.set(format!("the graphics device was lost: {message}"));
+            }
+        });
+        let uncaught = Arc::clone(&fault);
+        device.on_uncaptured_error(Arc::new(move |error: wgpu::Error| {
+            let _ = uncaught.set(format!("the graphics device reports: {error}"));
+        }));
+        let surface_format = *surface
+            .get_capabilities(&adapter)
+            .formats
+            .first()
+            .ok_or_else(|| JsError::new("the canvas cannot be drawn to"))?;
+        let name = adapter.get_info().name;
+        let adapter = if name.is_empty() {
+            "WebGPU".to_owned()
+        } else {
+            name
+        };
+        let format = surface_format.add_srgb_suffix();
+        Ok(Self {
+            context: Rc::new(Context {
+                device,
+                queue,
+                adapter,
+                format,
+                surface,
+                surface_format,
+                fault,
+            }),
+        })
+    }
+
+    /// Longest side of a picture, pixels.
+    #[wasm_bindgen(getter, js_name = maxSize)]
+    pub fn max_size(&self) -> u32 {
+        self.context.device.limits().max_texture_dimension_2d
+    }
+}
+
+impl Context {
+    /// What went wrong behind our back, if anything did.
+    pub(crate) fn fault(&self) -> Option<&str> {
+        self.fault.get().map(String::as_str)
+    }
+
+    /// Makes the canvas' pictures `width` × `height` pixels.
+    pub(crate) fn configure(&self, width: u32, height: u32) {
+        self.surface.configure(
+            &self.device,
+            &wgpu::SurfaceConfiguration {
+                usage: wgpu::TextureUsages::RENDER_ATTACHMENT,
+                format: self.surface_format,
+                color_space: wgpu::SurfaceColorSpace::default(),
+                width,
+                height,
+                present_mode: wgpu::PresentMode::Fifo,
+                desired_maximum_frame_latency: 2,
+                alpha_mode: wgpu::CompositeAlphaMode::Opaque,
+                view_formats: vec![self.format],
+            },
+        );
+    }
+
+    /// The canvas' next picture; `None` when it is to be had only later.
+    pub(crate) fn next_picture(&self) -> Option<(wgpu::SurfaceTexture, wgpu::TextureView)> {
+        let picture = match self.surface.get_current_texture() {
+            wgpu::CurrentSurfaceTexture::Success(picture)
+            | wgpu::CurrentSurfaceTexture::Suboptimal(picture) => picture,
+            _ => return None,
+        };
+        let view = picture.texture.create_view(&wgpu::TextureViewDescriptor {
+            format: Some(self.format),
+            ..wgpu::TextureViewDescriptor::default()
+        });
+        Some((picture, view))
+    }
+}

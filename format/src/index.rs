@@ -1,6 +1,17 @@
-//! The paged index: one entry a page.
+//! The paged index: one entry a page, in blocks of 1024 entries that are read when needed.
+//!
+//! The [`directory`] says where the blocks are; it is read when the file is opened. A [`block`] stores its
+//! entries plane by plane, packed, with errors, cones and bounds quantized so that they stay bounds
+//! ([`quantize`]).
+
+pub(crate) mod block;
+pub(crate) mod directory;
+pub(crate) mod quantize;
 
 use crate::lattice::Bounds;
+
+/// Entries of an index block; the last one may have fewer.
+pub const BLOCK_PAGES: u32 = 1024;
 
 /// A cone that holds every triangle normal of a page.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -1,23 +1,31 @@
 //! The `.marq` file format: header, paged index, page codecs, reader, writer, verification.
 //!
-//! Knows no async runtime, no GPU and no mesh processing, and builds for wasm32.
+//! Knows no async runtime, no GPU and no mesh processing, and builds for wasm32, where it reads only.
 //! `SPEC.md` beside this crate describes the bytes; the vocabulary is in the project's `ARCHITECTURE.md`.
 
+mod bytes;
+mod bytes_by_part;
 pub mod chart;
 pub mod codec;
 pub mod error;
+pub mod header;
 pub mod index;
 pub mod lattice;
 pub mod limits;
 pub mod metadata;
 pub mod page;
+mod parallel;
 pub mod quadtree;
 pub mod reader;
+mod rules;
 pub mod source;
 pub mod verify;
+#[cfg(not(target_arch = "wasm32"))]
 pub mod writer;
 
+pub use bytes_by_part::BytesByPart;
 pub use chart::{Chart, ChartId, Glue, Side};
+pub use codec::octahedral;
 pub use error::Error;
 pub use index::{NormalCone, PageEntry};
 pub use lattice::{Bounds, Lattice, LatticePoint};
@@ -26,4 +34,6 @@ pub use metadata::{ContentKind, Metadata};
 pub use page::{PageId, PageSamples};
 pub use quadtree::{NodeId, Quadrant};
 pub use reader::{Document, Opening, Step};
-pub use source::{ByteSource, SourceError};
+#[cfg(any(unix, windows))]
+pub use source::FileSource;
+pub use source::{ByteSource, SliceSource, SourceError};

@@ -1,6 +1,27 @@
 //! Writing a file from decoded samples.
+//!
+//! Everything is held in memory until the content id is known, since every checksum depends on it. The bytes
+//! are the same for any number of threads. Nothing is written before the input was checked against every rule
+//! that [`verify`](crate::verify) checks.
 
+mod input;
+
+pub use crate::BytesByPart;
+
+use crate::chart::encode_charts;
+use crate::codec::page::{Coding, encode_base, encode_child, encode_root};
+use crate::codec::payload::PartBytes;
+use crate::header::{ATLAS_SECTIONS, Header, MINOR, MUST_UNDERSTAND, Section, checksum};
+use crate::index::BLOCK_PAGES;
+use crate::index::block::{PageFacts, encode_facts};
+use crate::index::directory::{BlockRecord, Directory};
+use crate::index::quantize::{BoundsCode, cosine_code, error_code, widen_cone};
+use crate::parallel::map_ordered;
 use crate::{Error, Glue, Lattice, Metadata, NormalCone, PageSamples};
+use input::Pages;
+
+/// Bytes that everything up to the base should fit, so that a first image takes few bytes.
+pub const FIRST_IMAGE_BYTES: u64 = 256 * 1024;
 
 /// One node of a chart's tree, as the converter made it.
 #[derive(Debug, Clone)]
@@ -25,26 +46,17 @@ pub struct ChartInput {
     pub root: NodeInput,
 }
 
-/// Bytes by part of a written file.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, serde::Serialize)]
-pub struct BytesByPart {
-    /// The whole file.
-    pub total: u64,
-    /// Header, section table, metadata.
-    pub header: u64,
-    /// Directory, index blocks, glue.
-    pub index: u64,
-    /// Positions, base included.
-    pub geometry: u64,
-    /// Normals, base included.
-    pub normals: u64,
-    /// Colours, base included.
-    pub colour: u64,
+/// A page ready to be stored.
+struct Encoded {
+    bytes: Vec<u8>,
+    parts: PartBytes,
+    facts: PageFacts,
 }
 
-/// Writes a whole file to `out`, pages coded in parallel by the caller's closure-free, deterministic code.
+/// Writes a whole file to `out`.
 ///
-/// Chooses the base resolution so that everything up to the base fits `first_image_bytes`.
+/// Chooses the largest base resolution with which everything up to the base fits [`FIRST_IMAGE_BYTES`], or 0.
+/// Cones are widened until they hold every triangle normal of their node.
 ///
 /// # Errors
 /// When the input breaks a rule of the format, or `out` fails.
@@ -54,6 +66,178 @@ pub fn write_atlas(
     charts: &[ChartInput],
     out: &mut dyn std::io::Write,
 ) -> Result<BytesByPart, Error> {
-    let _ = (metadata, lattice, charts, out);
-    unimplemented!()
+    if metadata.lattice != *lattice {
+        let detail = format!("{:?} and {lattice:?}", metadata.lattice);
+        return Err(Error::Input { rule: "the metadata repeats the lattice", detail });
+    }
+    let metadata_bytes = metadata.encode()?;
+    let coding = Coding { shift: lattice.shift, has_colours: metadata.has_colours };
+    let pages = Pages::new(charts, coding)?;
+    let block_count = u32::try_from(pages.flat.len()).unwrap_or(u32::MAX).div_ceil(BLOCK_PAGES);
+
+    let before_charts = Header::encoded_length(ATLAS_SECTIONS.len() as u32)
+        + metadata_bytes.len() as u64
+        + Directory::encoded_length(block_count);
+    let front = Front::new(charts, coding, before_charts)?;
+    let encoded = encode_pages(&pages, coding, front.base_resolution)?;
+
+    let facts = encoded
+        .chunks(BLOCK_PAGES as usize)
+        .map(|block| encode_facts(&block.iter().map(|page| page.facts.clone()).collect::<Vec<_>>()))
+        .collect::<Result<Vec<_>, Error>>()?;
+    let content_id = content_id(&metadata_bytes, &front, &facts, &encoded);
+
+    let index_start = before_charts + (front.charts.len() + front.base.len()) as u64;
+    let (index_bytes, directory) = index(&content_id, charts.len(), index_start, &encoded, &facts);
+    let page_bytes: Vec<u8> = encoded.iter().flat_map(|page| &page.bytes).copied().collect();
+
+    let bodies = [metadata_bytes, directory.encode(), front.charts, front.base, index_bytes, page_bytes];
+    let mut end = Header::encoded_length(ATLAS_SECTIONS.len() as u32);
+    let mut sections = Vec::new();
+    for (kind, body) in ATLAS_SECTIONS.into_iter().zip(&bodies) {
+        let range = end..end + body.len() as u64;
+        end = range.end;
+        let checksum = checksum(&content_id, body);
+        sections.push(Section { kind: kind as u32, flags: MUST_UNDERSTAND, range, checksum });
+    }
+    let header = Header { minor: MINOR, file_length: end, content_id, front_length: index_start, sections };
+    out.write_all(&header.encode()).map_err(Error::Output)?;
+    for body in &bodies {
+        out.write_all(body).map_err(Error::Output)?;
+    }
+
+    let [metadata_bytes, directory_bytes, charts_bytes, _, index_bytes, _] = bodies.map(|body| body.len() as u64);
+    let [geometry, normals, colour] = directory.part_bytes;
+    Ok(BytesByPart {
+        total: end,
+        header: Header::encoded_length(ATLAS_SECTIONS.len() as u32) + metadata_bytes,
+        index: directory_bytes + charts_bytes + index_bytes,
+        geometry: geometry + front.base_parts.geometry,
+        normals: normals + front.base_parts.normals,
+        colour: colour + front.base_parts.colours,
+    })
 }
+
+/// What the front holds besides metadata and directory.
+struct Front {
+    base_resolution: u8,
+    charts: Vec<u8>,
+    base: Vec<u8>,
+    base_parts: PartBytes,
+}
+
+impl Front {
+    /// With the largest base resolution that fits, if any does.
+    fn new(charts: &[ChartInput], coding: Coding, before_charts: u64) -> Result<Self, Error> {
+        let finest = charts.iter().map(|chart| chart.root.samples.resolution).max().unwrap_or(0);
+        for base_resolution in (1..=finest).rev() {
+            let front = Self::at(charts, coding, base_resolution)?;
+            if before_charts + (front.charts.len() + front.base.len()) as u64 <= FIRST_IMAGE_BYTES {
+                return Ok(front);
+            }
+        }
+        Self::at(charts, coding, 0)
+    }
+
+    fn at(charts: &[ChartInput], coding: Coding, base_resolution: u8) -> Result<Self, Error> {
+        let (base, base_parts) =
+            encode_base(coding, charts.iter().map(|chart| &chart.root.samples), base_resolution)?;
+        let glue: Vec<_> = charts.iter().map(|chart| chart.glue).collect();
+        let resolutions: Vec<u8> = charts.iter().map(|chart| chart.root.samples.resolution).collect();
+        let errors = charts.iter().flat_map(|chart| {
+            let count = usize::from(chart.root.samples.resolution.min(base_resolution)) + 1;
+            chart.root.errors.iter().take(count)
+        });
+        let errors = errors.map(|&error| coded(error)).collect::<Result<Vec<_>, Error>>()?;
+        let charts = encode_charts(&glue, &resolutions, &errors, base_resolution)?;
+        Ok(Self { base_resolution, charts, base, base_parts })
+    }
+}
+
+fn coded(error: f32) -> Result<u16, Error> {
+    let rule = "an error is a finite length, not below zero";
+    error_code(error).ok_or_else(|| Error::Input { rule, detail: error.to_string() })
+}
+
+fn encode_pages(pages: &Pages<'_>, coding: Coding, base_resolution: u8) -> Result<Vec<Encoded>, Error> {
+    let indices: Vec<usize> = (0..pages.flat.len()).collect();
+    let encode = |&index: &usize| -> Result<Encoded, Error> {
+        let page = &pages.flat[index];
+        let samples = &page.node.samples;
+        let (bytes, parts) = match page.parent {
+            None => encode_root(coding, samples, base_resolution)?,
+            Some((parent, quadrant)) => {
+                encode_child(coding, samples, &pages.flat[parent].node.samples, quadrant)?
+            }
+        };
+        let (axis, widened) = widen_cone(&page.node.cone);
+        let coded_axis = crate::codec::octahedral::decode(axis);
+        let measured = crate::rules::smallest_cosine(samples, coded_axis);
+        let cosine = measured.map_or(widened, |measured| widened.min(measured - 1e-6));
+        let facts = PageFacts {
+            length: u32::try_from(bytes.len()).unwrap_or(u32::MAX),
+            errors: page.node.errors.iter().map(|&error| coded(error)).collect::<Result<_, _>>()?,
+            axis,
+            cosine: cosine_code(cosine),
+            bounds: BoundsCode::new(&pages.bounds[index]),
+            has_children: page.node.children.is_some(),
+        };
+        Ok(Encoded { bytes, parts, facts })
+    };
+    map_ordered(&indices, encode).into_iter().collect()
+}
+
+fn content_id(metadata: &[u8], front: &Front, facts: &[Vec<u8>], pages: &[Encoded]) -> [u8; 16] {
+    let mut hasher = blake3::Hasher::new();
+    for part in [metadata, &front.charts, &front.base] {
+        hasher.update(part);
+    }
+    for block in facts {
+        hasher.update(block);
+    }
+    for page in pages {
+        hasher.update(&page.bytes);
+    }
+    let mut id = [0; 16];
+    hasher.finalize_xof().fill(&mut id);
+    id
+}
+
+/// Index blocks and directory of a file whose index starts at `index_start`.
+fn index(
+    content_id: &[u8; 16],
+    chart_count: usize,
+    index_start: u64,
+    pages: &[Encoded],
+    facts: &[Vec<u8>],
+) -> (Vec<u8>, Directory) {
+    let blocks: Vec<Vec<u8>> = pages
+        .chunks(BLOCK_PAGES as usize)
+        .zip(facts)
+        .map(|(pages, facts)| {
+            let checksums = pages.iter().flat_map(|page| (checksum(content_id, &page.bytes) as u32).to_le_bytes());
+            checksums.chain(facts.iter().copied()).collect()
+        })
+        .collect();
+    let mut part_bytes = [0; 3];
+    for PartBytes { geometry, normals, colours } in pages.iter().map(|page| page.parts) {
+        for (sum, part) in part_bytes.iter_mut().zip([geometry, normals, colours]) {
+            *sum += part;
+        }
+    }
+    let mut block_start = index_start;
+    let mut first_page_offset = index_start + blocks.iter().map(|block| block.len() as u64).sum::<u64>();
+    let mut first_child = u32::try_from(chart_count).unwrap_or(u32::MAX);
+    let mut records = Vec::new();
+    for (block, pages) in blocks.iter().zip(pages.chunks(BLOCK_PAGES as usize)) {
+        let range = block_start..block_start + block.len() as u64;
+        block_start = range.end;
+        let checksum = checksum(content_id, block);
+        records.push(BlockRecord { range, checksum, first_page_offset, first_child });
+        first_page_offset += pages.iter().map(|page| page.bytes.len() as u64).sum::<u64>();
+        first_child += 4 * pages.iter().map(|page| u32::from(page.facts.has_children)).sum::<u32>();
+    }
+    let page_count = u32::try_from(pages.len()).unwrap_or(u32::MAX);
+    (blocks.concat(), Directory { page_count, part_bytes, blocks: records })
+}
+

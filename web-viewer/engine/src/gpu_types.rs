@@ -1,1 +1,128 @@
-//! Data laid out for the shaders.
+//! Data laid out for the shaders; `tests/layout_match.rs` compares it with what naga makes of the WGSL.
+
+use crate::camera::View;
+use crate::lod::edge_morph::SideMode;
+use crate::lod::{Cut, Leaf};
+use crate::options::Shade;
+use crate::residency::upload::Slot;
+use bytemuck::{Pod, Zeroable};
+
+/// Side mode that stands for [`SideMode::Snap`]; every morph is at least 0.
+pub const SNAP: f32 = -1.0;
+
+/// What is the same for a whole frame. `Frame` in `shaders/shared/frame.wgsl`.
+#[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
+#[repr(C)]
+pub struct Frame {
+    /// Clip coordinates of an offset from the eye, lattice units; column by column.
+    pub clip_from_offset: [[f32; 4]; 4],
+    /// Whole part of the eye on the lattice.
+    pub eye_whole: [i32; 3],
+    /// What is shown: 0 lit, 1 normal, 2 lod, 3 wire.
+    pub shade: u32,
+    /// Rest of the eye on the lattice, 0..1.
+    pub eye_fraction: [f32; 3],
+    /// Whether the file has colours: 0 or 1.
+    pub has_colours: u32,
+    /// Right of the picture, world.
+    pub right: [f32; 4],
+    /// Up of the picture, world.
+    pub up: [f32; 4],
+    /// From the target to the eye, world.
+    pub back: [f32; 4],
+}
+
+impl Frame {
+    /// The frame of a view.
+    pub fn new(view: &View, shade: Shade, has_colours: bool) -> Self {
+        let [right, up, back] = view.frame.map(|axis| axis.as_vec3().extend(0.0).to_array());
+        Self {
+            clip_from_offset: view.clip_from_offset.as_mat4().to_cols_array_2d(),
+            eye_whole: view.eye.whole,
+            shade: match shade {
+                Shade::Lit => 0,
+                Shade::Normal => 1,
+                Shade::Lod => 2,
+                Shade::Wire => 3,
+            },
+            eye_fraction: glam::DVec3::from_array(view.eye.fraction).as_vec3().to_array(),
+            has_colours: u32::from(has_colours),
+            right,
+            up,
+            back,
+        }
+    }
+}
+
+/// One leaf to draw. The instance attributes of `shaders/grid.wgsl`.
+#[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
+#[repr(C)]
+pub struct Instance {
+    /// First texel (x, y), layer, and in the fourth word: log2 of the drawn cells a side (bits 0..8), log2 of the stride
+    /// between drawn samples (8..16), level (16..24), resolution of the chart (24..32).
+    pub place: [u32; 4],
+    /// Side modes: a morph, or [`SNAP`].
+    pub sides: [f32; 4],
+    /// Morph of everything that is on no side.
+    pub morph: f32,
+}
+
+impl Instance {
+    /// Vertex attributes: locations 0..=2.
+    pub const ATTRIBUTES: [wgpu::VertexAttribute; 3] =
+        wgpu::vertex_attr_array![0 => Uint32x4, 1 => Float32x4, 2 => Float32];
+
+    /// `leaf`, whose samples are in `slot`.
+    pub fn new(leaf: Leaf, slot: Slot, morph: f32, sides: [SideMode; 4]) -> Self {
+        let grid = leaf.grid_resolution();
+        let stride = slot.resolution.saturating_sub(grid);
+        Self {
+            place: [slot.x, slot.y, slot.layer, u32::from_le_bytes([grid, stride, leaf.node.level, leaf.resolution])],
+            sides: sides.map(|mode| match mode {
+                SideMode::Morph(morph) => morph,
+                SideMode::Snap => SNAP,
+            }),
+            morph,
+        }
+    }
+}
+
+/// Everything to draw, instances of one grid size together.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct DrawList {
+    /// The instances.
+    pub instances: Vec<Instance>,
+    /// By log2 of the grid's cells a side: where its instances end. They start where those of the size before end.
+    pub ends: [u32; 6],
+}
+
+impl DrawList {
+    /// Collects the leaves of `cut` for which `instance` has something.
+    pub fn new(cut: &Cut, mut instance: impl FnMut(Leaf) -> Option<Instance>) -> Self {
+        let mut by_size: [Vec<Instance>; 6] = Default::default();
+        for leaf in cut.leaves() {
+            if let Some(instance) = instance(leaf)
+                && let Some(size) = by_size.get_mut(usize::from(leaf.grid_resolution()))
+            {
+                size.push(instance);
+            }
+        }
+        let mut list = Self::default();
+        for (end, size) in list.ends.iter_mut().zip(by_size) {
+            list.instances.extend(size);
+            *end = u32::try_from(list.instances.len()).unwrap_or(u32::MAX);
+        }
+        list
+    }
+
+    /// Grid sizes that have instances, with the range of these.
+    pub fn draws(&self) -> impl Iterator<Item = (u8, std::ops::Range<u32>)> {
+        let starts = std::iter::once(0).chain(self.ends);
+        (0u8..).zip(starts.zip(self.ends)).filter(|(_, (start, end))| start < end).map(|(n, (start, end))| (n, start..end))
+    }
+
+    /// Triangles drawn.
+    pub fn triangles(&self) -> u64 {
+        self.draws().map(|(grid, range)| (2u64 << (2 * u32::from(grid))) * u64::from(range.end - range.start)).sum()
+    }
+}

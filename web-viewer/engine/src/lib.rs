@@ -22,6 +22,8 @@ pub mod options;
 pub mod passes;
 pub mod residency;
 pub mod stats;
+#[cfg(all(any(test, feature = "testing"), not(target_arch = "wasm32")))]
+pub mod testing;
 pub mod viewer;
 
 pub use camera::Camera;

@@ -1,3 +1,6 @@
-//! Which pages are in memory, and how they come and go.
+//! Which pages are in memory, and how they come and go. No GPU, no I/O.
 
 pub mod fetch;
+pub mod lru;
+pub mod page_table;
+pub mod upload;

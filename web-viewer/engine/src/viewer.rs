@@ -1,11 +1,94 @@
 //! A file being looked at: camera, cut, residency and streaming, without I/O and without a clock.
+//!
+//! An update does, in this order: decode what arrived (boundedly), plan (which cut, which pages), animate, and say what to
+//! fetch. Planning is skipped while nothing it depends on has changed. Where the wanted pages do not fit the cache, the
+//! target error of everything beyond the base is raised in steps until they do: it is a function of the view, not of history.
 
+use crate::camera::{STANDARD_DISTANCE, View};
+use crate::controls::{Action, Controls};
+use crate::gpu_types::{DrawList, Frame, Instance};
+use crate::lod::animate::Drawn;
+use crate::lod::cut::Cut;
+use crate::lod::desire::{Forest, Target, Wanted, importance_px};
+use crate::lod::edge_morph::{morph_of, side_modes};
+use crate::lod::residency::{NeededPage, needed_pages, restrict};
+use crate::options::{Shade, Transition};
+use crate::residency::fetch::{Delivery, Fetcher, Item};
+use crate::residency::page_table::{PageTable, bytes_of};
+use crate::residency::upload::{MAX_LAYERS, Upload};
+use crate::stats::{CacheStats, PageStats};
 use crate::{Camera, EngineError, InputEvent, Request, RequestId, Stats, ViewerOptions, Viewport};
-use marquetry_format::{Document, PageId};
+use marquetry_format::{ContentKind, Document, PageId};
+use std::collections::{BTreeSet, HashMap, HashSet};
+use std::sync::atomic::{AtomicU64, Ordering};
+
+/// Seconds without a camera move after which hysteresis ends, so that a settled picture depends on the view alone.
+const REST_SECONDS: f64 = 0.25;
+/// Longest step of time that one update makes, seconds: after a stall morphs go on from where they were.
+const LONGEST_STEP: f64 = 0.1;
+/// Steps of the target error to a factor of two, where the cache is too small.
+const BUDGET_STEPS_PER_OCTAVE: f64 = 4.0;
+/// Beyond this step nothing but the base is wanted.
+const LAST_BUDGET_STEP: u32 = 120;
+
+/// Which pages may be fetched.
+pub type PageFilter = Box<dyn Fn(PageId) -> bool + Send + Sync>;
 
 /// A file being looked at. See the [crate] documentation for how a shell drives it.
-#[derive(Debug)]
-pub struct Viewer {}
+pub struct Viewer {
+    id: u64,
+    document: Document,
+    forest: Forest,
+    options: ViewerOptions,
+    camera: Camera,
+    controls: Controls,
+    viewport: Viewport,
+    filter: Option<PageFilter>,
+
+    clock: f64,
+    moved_at: f64,
+    view: Option<View>,
+    /// What was planned for: a change asks for a new plan.
+    planned_resting: bool,
+    plan_is_stale: bool,
+    target_is_stale: bool,
+    picture_is_stale: bool,
+    redraw: bool,
+
+    budget_step: u32,
+    wanted: Wanted,
+    needed: Vec<Needed>,
+    needed_index: HashMap<PageId, usize>,
+    pinned: HashSet<PageId>,
+    target: Cut,
+    drawn: Drawn,
+    draw_list: DrawList,
+
+    table: PageTable,
+    fetcher: Fetcher,
+    fetched: u64,
+}
+
+/// A page that the plan needs.
+#[derive(Debug, Clone, Copy)]
+struct Needed {
+    what: NeededPage,
+    /// Screen-space error that is shown without it, pixels.
+    importance_px: f64,
+    /// Whether the filter lets it and everything above it pass.
+    allowed: bool,
+}
+
+impl std::fmt::Debug for Viewer {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("Viewer")
+            .field("file", &self.document.metadata.source_name)
+            .field("camera", &self.camera)
+            .field("options", &self.options)
+            .field("stats", &self.stats())
+            .finish_non_exhaustive()
+    }
+}
 
 impl Viewer {
     /// Shows `document` from the front.
@@ -13,18 +96,55 @@ impl Viewer {
     /// # Errors
     /// An option outside its range, or content that this version does not show.
     pub fn new(document: Document, options: ViewerOptions) -> Result<Self, EngineError> {
-        let _ = (document, options);
-        unimplemented!()
+        static NEXT_ID: AtomicU64 = AtomicU64::new(0);
+        options.check()?;
+        match document.metadata.kind {
+            ContentKind::Scan => {}
+            ContentKind::Terrain => return Err(EngineError::UnsupportedContent("terrain")),
+            ContentKind::Scene => return Err(EngineError::UnsupportedContent("scene")),
+        }
+        let table = PageTable::new(&document)
+            .ok_or(EngineError::DeviceTooSmall { needed: MAX_LAYERS + 1, available: MAX_LAYERS })?;
+        let coarsest = Cut::coarsest(document.charts.len());
+        Ok(Self {
+            id: NEXT_ID.fetch_add(1, Ordering::Relaxed),
+            forest: Forest::new(&document),
+            camera: Camera::standard(&document.metadata, 0, STANDARD_DISTANCE)?,
+            controls: Controls::new(&document.metadata)?,
+            options,
+            viewport: Viewport::new(1, 1),
+            filter: None,
+            clock: 0.0,
+            moved_at: f64::NEG_INFINITY,
+            view: None,
+            planned_resting: true,
+            plan_is_stale: true,
+            target_is_stale: true,
+            picture_is_stale: true,
+            redraw: true,
+            budget_step: 0,
+            wanted: Wanted { cut: coarsest.clone(), blocks: BTreeSet::new() },
+            needed: Vec::new(),
+            needed_index: HashMap::new(),
+            pinned: HashSet::new(),
+            target: coarsest.clone(),
+            drawn: Drawn::at_rest(coarsest),
+            draw_list: DrawList::default(),
+            table,
+            fetcher: Fetcher::default(),
+            fetched: 0,
+            document,
+        })
     }
 
     /// The file.
     pub fn document(&self) -> &Document {
-        unimplemented!()
+        &self.document
     }
 
     /// The options now.
     pub fn options(&self) -> &ViewerOptions {
-        unimplemented!()
+        &self.options
     }
 
     /// Changes options; takes effect at the next update.
@@ -32,31 +152,64 @@ impl Viewer {
     /// # Errors
     /// An option outside its range; the old ones stay.
     pub fn set_options(&mut self, options: ViewerOptions) -> Result<(), EngineError> {
-        let _ = options;
-        unimplemented!()
+        options.check()?;
+        if options != self.options {
+            self.options = options;
+            self.plan_is_stale = true;
+            self.picture_is_stale = true;
+        }
+        Ok(())
     }
 
     /// The camera now.
     pub fn camera(&self) -> Camera {
-        unimplemented!()
+        self.camera
     }
 
-    /// Looks from elsewhere, at once.
+    /// Looks from elsewhere, at once. A camera that is not finite, or whose eye is its target, is ignored.
     pub fn set_camera(&mut self, camera: Camera) {
-        let _ = camera;
-        unimplemented!()
+        let finite = camera.eye.is_finite() && camera.target.is_finite() && camera.up.is_finite();
+        if finite && camera.eye != camera.target {
+            self.camera = camera;
+        }
     }
 
     /// Takes input; whether it meant something (a shell then keeps the event from scrolling the page).
     pub fn handle(&mut self, event: InputEvent) -> bool {
-        let _ = event;
-        unimplemented!()
+        let mut camera = self.camera;
+        let action = self.controls.handle(event, &mut camera, self.viewport);
+        self.set_camera(camera);
+        match action {
+            Action::Ignored => false,
+            Action::Taken => true,
+            Action::ToggleShade(shade) => {
+                self.options.shade = if self.options.shade == shade { Shade::Lit } else { shade };
+                self.picture_is_stale = true;
+                true
+            }
+        }
     }
 
     /// Advances by `seconds`: decodes what was delivered, chooses the cut, morphs, and says what to fetch now.
     pub fn update(&mut self, seconds: f64, viewport: Viewport) -> Vec<Request> {
-        let _ = (seconds, viewport);
-        unimplemented!()
+        let seconds = if seconds.is_finite() { seconds.max(0.0) } else { 0.0 };
+        self.clock += seconds;
+        let view = self.look(viewport);
+        self.decode_arrived();
+        if self.plan_is_stale || self.planned_resting != self.is_resting() {
+            self.plan(&view);
+        }
+        if self.target_is_stale {
+            self.target_is_stale = false;
+            self.target = restrict(&self.wanted.cut, &self.document, |page| self.table.contains(page));
+        }
+        self.animate(seconds);
+        if self.picture_is_stale {
+            self.picture_is_stale = false;
+            self.redraw = true;
+            self.collect(&view);
+        }
+        self.schedule()
     }
 
     /// Takes the answer to a request: exactly the bytes of its range, or why there are none.
@@ -64,49 +217,337 @@ impl Viewer {
     /// A failure (also bytes that are too few, too many or corrupt) is asked for again later, ever more slowly;
     /// see [`Viewer::take_failures`]. Unknown ids are ignored.
     pub fn deliver(&mut self, id: RequestId, answer: Result<Vec<u8>, String>) {
-        let _ = (id, answer);
-        unimplemented!()
+        if let Delivery::Block(block, bytes) = self.fetcher.deliver(self.clock, &self.document, id, answer) {
+            match self.document.load_index_block(block, &bytes) {
+                Ok(()) => {
+                    self.fetcher.succeed(Item::Block(block));
+                    self.plan_is_stale = true;
+                }
+                Err(error) => {
+                    let words = format!("index block {block}: {error}");
+                    self.fetcher.fail(self.clock, &[Item::Block(block)], &words);
+                }
+            }
+        }
     }
 
     /// What failed since this was last called, in words, oldest first (at most 32).
     pub fn take_failures(&mut self) -> Vec<String> {
-        unimplemented!()
+        self.fetcher.take_failures()
     }
 
     /// Whether there is a picture: true from the first update on, because the base is in memory.
     pub fn is_ready(&self) -> bool {
-        unimplemented!()
+        self.view.is_some()
     }
 
     /// Whether nothing is missing for this view (or nothing more fits the budget) and every morph is at rest.
     pub fn is_settled(&self) -> bool {
-        unimplemented!()
+        self.is_ready()
+            && !self.plan_is_stale
+            && !self.target_is_stale
+            && self.is_resting()
+            && self.planned_resting
+            && self.wanted.blocks.is_empty()
+            && self.missing().all(|needed| !needed.allowed)
+            && self.drawn.is_at_rest(&self.target)
     }
 
     /// Whether the picture has changed since [`Renderer::render`](crate::Renderer::render) last drew it.
     pub fn needs_redraw(&self) -> bool {
-        unimplemented!()
+        self.redraw
     }
 
     /// Whether calling [`Viewer::update`] again has a point before input or a delivery comes (morphs, retries, decodes).
     pub fn needs_update(&self) -> bool {
-        unimplemented!()
+        !self.is_ready()
+            || self.plan_is_stale
+            || self.target_is_stale
+            || self.picture_is_stale
+            || !self.is_resting()
+            || !self.planned_resting
+            || self.fetcher.has_arrived()
+            || self.fetcher.is_pausing()
+            || !self.drawn.is_at_rest(&self.target)
     }
 
     /// What is drawn and what it took.
     pub fn stats(&self) -> Stats {
-        unimplemented!()
+        Stats {
+            triangles: self.draw_list.triangles(),
+            nodes: self.draw_list.instances.len() as u64,
+            draw_calls: self.draw_list.draws().count() as u64,
+            pages: PageStats {
+                requested: self.fetcher.requested(),
+                fetched: self.fetched,
+                bytes: self.fetcher.received_bytes(),
+                missing: self.missing().count() as u64,
+            },
+            cache: CacheStats {
+                capacity_bytes: self.options.cache_bytes,
+                used_bytes: self.table.used_bytes(),
+                pinned_bytes: self.table.pinned_bytes(),
+                evictions: self.table.evictions(),
+            },
+            failures: self.fetcher.failure_count(),
+            error_px: self.paged_error_px(self.budget_step),
+        }
     }
 
-    /// How much of what the view wants is there, 0..=1.
+    /// How much of what the view wants is there, 0..=1; 1 when nothing is missing.
     pub fn progress(&self) -> f64 {
-        unimplemented!()
+        let missing = self.missing().count() + self.wanted.blocks.len();
+        let all = self.needed.len() + self.wanted.blocks.len();
+        if missing == 0 { 1.0 } else { (all - missing) as f64 / all as f64 }
     }
 
     /// Lets only pages that pass the filter be fetched: for tests of arbitrary cache states. `None` lifts it.
     /// A view then counts as settled when nothing *allowed* is missing.
-    pub fn set_page_filter(&mut self, filter: Option<Box<dyn Fn(PageId) -> bool + Send + Sync>>) {
-        let _ = filter;
-        unimplemented!()
+    pub fn set_page_filter(&mut self, filter: Option<PageFilter>) {
+        self.filter = filter;
+        self.plan_is_stale = true;
+    }
+
+    /// A number that no other viewer has, so that a renderer knows whose samples it holds.
+    pub(crate) fn id(&self) -> u64 {
+        self.id
+    }
+
+    /// What is drawn now, by node.
+    pub fn drawn(&self) -> &Drawn {
+        &self.drawn
+    }
+
+    pub(crate) fn draw_list(&self) -> &DrawList {
+        &self.draw_list
+    }
+
+    pub(crate) fn frame(&self) -> Option<Frame> {
+        let view = self.view.as_ref()?;
+        Some(Frame::new(view, self.options.shade, self.document.metadata.has_colours))
+    }
+
+    pub(crate) fn viewport(&self) -> Viewport {
+        self.viewport
+    }
+
+    pub(crate) fn texture_layers(&self) -> u32 {
+        self.table.layers().max(1)
+    }
+
+    pub(crate) fn take_uploads(&mut self) -> Vec<Upload> {
+        self.table.take_uploads()
+    }
+
+    pub(crate) fn mark_drawn(&mut self) {
+        self.redraw = false;
+    }
+
+    fn is_resting(&self) -> bool {
+        self.clock - self.moved_at >= REST_SECONDS
+    }
+
+    fn missing(&self) -> impl Iterator<Item = &Needed> {
+        self.needed.iter().filter(|needed| !self.table.contains(needed.what.page))
+    }
+
+    /// The view of the present camera; notes whether it is another one than before.
+    fn look(&mut self, viewport: Viewport) -> View {
+        self.viewport = viewport;
+        let view = View::new(&self.camera, &self.document.metadata, viewport);
+        if self.view != Some(view) {
+            if self.view.is_some() {
+                self.moved_at = self.clock;
+            }
+            self.view = Some(view);
+            self.plan_is_stale = true;
+            self.picture_is_stale = true;
+        }
+        view
+    }
+
+    fn decode_arrived(&mut self) {
+        let mut left = self.options.pages_per_update;
+        for page in self.fetcher.arrived() {
+            let Some(needed) = self.needed_index.get(&page).and_then(|index| self.needed.get(*index)) else {
+                self.fetcher.forget(page);
+                continue;
+            };
+            let what = needed.what;
+            if left == 0 {
+                break;
+            }
+            if what.parent.is_some_and(|parent| !self.table.contains(parent)) {
+                continue;
+            }
+            let Some(entry) = self.document.page(page) else { continue };
+            let has_children = entry.has_children;
+            let bytes = bytes_of(entry.resolution, has_children, self.document.metadata.has_colours);
+            if !self.table.make_room(bytes, self.options.cache_bytes, &self.pinned) {
+                break;
+            }
+            left -= 1;
+            match self.decode(what) {
+                Ok(samples) => {
+                    if !self.table.insert(page, what.parent, samples, has_children) {
+                        break;
+                    }
+                    self.fetched += 1;
+                    self.fetcher.succeed(Item::Page(page));
+                    self.target_is_stale = true;
+                }
+                Err(reason) => self.fetcher.fail(self.clock, &[Item::Page(page)], &format!("page {}: {reason}", page.0)),
+            }
+            self.fetcher.forget(page);
+        }
+    }
+
+    fn decode(&self, what: NeededPage) -> Result<marquetry_format::PageSamples, String> {
+        let bytes = self.fetcher.bytes_of(what.page).unwrap_or(&[]);
+        let decoded = match (what.node.parent(), what.parent) {
+            (None, _) => self.document.decode_root(what.node.chart, bytes),
+            (Some((_, quadrant)), parent) => {
+                let samples = match parent {
+                    Some(parent) => self.table.samples(parent),
+                    None => crate::lod::mesh::base_of(&self.document, what.node.chart),
+                };
+                let samples = samples.ok_or("its parent is not in memory")?;
+                self.document.decode_child(what.page, quadrant, samples, bytes)
+            }
+        };
+        decoded.map_err(|error| error.to_string())
+    }
+
+    fn paged_error_px(&self, step: u32) -> f64 {
+        if step >= LAST_BUDGET_STEP {
+            return f64::INFINITY;
+        }
+        self.options.error_px * (f64::from(step) / BUDGET_STEPS_PER_OCTAVE).exp2()
+    }
+
+    /// Finds the finest cut whose pages fit the cache, and the pages it needs.
+    fn plan(&mut self, view: &View) {
+        self.plan_is_stale = false;
+        self.target_is_stale = true;
+        self.planned_resting = self.is_resting();
+        let previous = (!self.planned_resting).then(|| self.wanted.cut.clone());
+        let try_step = |viewer: &Self, step: u32| {
+            let target = Target {
+                view,
+                error_px: viewer.options.error_px,
+                paged_error_px: viewer.paged_error_px(step),
+                previous: previous.as_ref(),
+            };
+            let wanted = viewer.forest.want(&viewer.document, &target);
+            let needed = needed_pages(&wanted.cut, &viewer.document);
+            let fits = viewer.cache_bytes(&needed) <= viewer.options.cache_bytes || step >= LAST_BUDGET_STEP;
+            (fits, wanted, needed)
+        };
+        let mut best = try_step(self, self.budget_step);
+        while !best.0 {
+            self.budget_step += 1;
+            best = try_step(self, self.budget_step);
+        }
+        while let Some(finer) = self.budget_step.checked_sub(1) {
+            let attempt = try_step(self, finer);
+            if !attempt.0 {
+                break;
+            }
+            self.budget_step = finer;
+            best = attempt;
+        }
+        let (_, wanted, needed) = best;
+        self.wanted = wanted;
+        self.need(view, &needed);
+        self.pin();
+    }
+
+    fn cache_bytes(&self, needed: &[NeededPage]) -> u64 {
+        let has_colours = self.document.metadata.has_colours;
+        let entries = needed.iter().filter_map(|needed| self.document.page(needed.page));
+        entries.map(|entry| bytes_of(entry.resolution, entry.has_children, has_colours)).sum()
+    }
+
+    fn need(&mut self, view: &View, pages: &[NeededPage]) {
+        self.needed.clear();
+        self.needed_index.clear();
+        for what in pages {
+            let parent = what.parent.and_then(|parent| self.needed_index.get(&parent));
+            let parent_allowed = parent.and_then(|index| self.needed.get(*index)).is_none_or(|parent| parent.allowed);
+            let needed = Needed {
+                what: *what,
+                importance_px: self.importance_px(view, what),
+                allowed: parent_allowed && self.filter.as_ref().is_none_or(|filter| filter(what.page)),
+            };
+            self.needed_index.insert(what.page, self.needed.len());
+            self.needed.push(needed);
+        }
+    }
+
+    /// Screen-space error, pixels, of what is drawn while `what` is not there.
+    fn importance_px(&self, view: &View, what: &NeededPage) -> f64 {
+        let (node, resolution) = match what.node.parent() {
+            Some((parent, _)) => (parent, None),
+            None => (what.node, Some(usize::from(self.document.base_resolution))),
+        };
+        let page = self.document.page_of_node(node).and_then(|page| self.document.page(page));
+        let Some(entry) = page else { return 0.0 };
+        let error = resolution.and_then(|resolution| entry.errors.get(resolution)).or_else(|| entry.errors.last());
+        error.map_or(0.0, |error| importance_px(view, *error, &entry.bounds))
+    }
+
+    /// Pins the pages of the plan and of what is drawn, and marks them as used.
+    fn pin(&mut self) {
+        let drawn = needed_pages(&self.drawn.cut, &self.document);
+        self.pinned = self.needed.iter().map(|needed| needed.what.page).chain(drawn.iter().map(|d| d.page)).collect();
+        self.table.touch(drawn.iter().map(|needed| needed.page));
+        self.table.touch(self.needed.iter().map(|needed| needed.what.page));
+    }
+
+    fn animate(&mut self, seconds: f64) {
+        if self.drawn.is_at_rest(&self.target) {
+            return;
+        }
+        let at_once = self.options.transition == Transition::None || self.options.morph_seconds == 0.0;
+        // Nothing has been shown yet, or nothing is to be seen of the change.
+        if at_once || self.draw_list.instances.is_empty() {
+            self.drawn = Drawn::at_rest(self.target.clone());
+        } else {
+            #[expect(clippy::cast_possible_truncation, reason = "between 0 and 1")]
+            let step = (seconds.min(LONGEST_STEP) / self.options.morph_seconds).min(1.0) as f32;
+            self.drawn.advance(&self.target, &self.document.charts, step);
+        }
+        self.pin();
+        self.picture_is_stale = true;
+    }
+
+    /// Collects what is in the picture.
+    fn collect(&mut self, view: &View) {
+        let document = &self.document;
+        let drawn = &self.drawn;
+        self.draw_list = DrawList::new(&drawn.cut, |leaf| {
+            let bounds = self.forest.bounds(document, leaf.node)?;
+            if !view.sees(&bounds) {
+                return None;
+            }
+            let base = usize::try_from(leaf.node.chart.0).ok().and_then(|chart| self.table.base_slot(chart))?;
+            let slot = if leaf.node.level == 0 && leaf.resolution <= base.resolution {
+                base
+            } else {
+                self.table.slot(document.page_of_node(leaf.node)?)?
+            };
+            let sides = side_modes(&drawn.cut, &drawn.morphs, &document.charts, leaf);
+            Some(Instance::new(leaf, slot, morph_of(&drawn.morphs, leaf), sides))
+        });
+    }
+
+    fn schedule(&mut self) -> Vec<Request> {
+        let mut missing: Vec<&Needed> = self.missing().filter(|needed| needed.allowed).collect();
+        missing.sort_by(|a, b| {
+            b.importance_px.total_cmp(&a.importance_px).then_with(|| a.what.page.cmp(&b.what.page))
+        });
+        let pages: Vec<PageId> = missing.into_iter().map(|needed| needed.what.page).collect();
+        let limit = self.options.requests_in_flight;
+        self.fetcher.schedule(self.clock, limit, &self.document, &self.wanted.blocks, &pages)
     }
 }

@@ -1,0 +1,221 @@
+//! The resident pages: their slots, the samples that children are decoded from, and what they cost.
+//!
+//! The budget is hard: a page that does not fit after evicting everything evictable is not taken. Pinned pages (those of
+//! the cut that is drawn or wanted) and pages with a resident child are not evictable.
+
+use super::lru::Lru;
+use super::upload::{COLOURED_SAMPLE_BYTES, SAMPLE_BYTES, Slot, SlotAllocator, Upload};
+use marquetry_format::{Document, PageId, PageSamples};
+use std::collections::{HashMap, HashSet};
+
+/// Bytes of one sample kept for decoding children: positions and normals with targets.
+const KEPT_BYTES: u64 = 2 * (12 + 2);
+/// The same with colours and targets.
+const KEPT_COLOURED_BYTES: u64 = KEPT_BYTES + 2 * 3;
+
+/// A page in memory.
+#[derive(Debug)]
+struct Resident {
+    slot: Slot,
+    /// Kept where the page has children.
+    samples: Option<PageSamples>,
+    parent: Option<PageId>,
+    resident_children: u32,
+    bytes: u64,
+}
+
+/// All resident pages of one file, and the base.
+#[derive(Debug, Default)]
+pub struct PageTable {
+    pages: HashMap<PageId, Resident>,
+    lru: Lru<PageId>,
+    slots: SlotAllocator,
+    base: Vec<Slot>,
+    uploads: Vec<Upload>,
+    used_bytes: u64,
+    pinned_bytes: u64,
+    evictions: u64,
+}
+
+impl PageTable {
+    /// A table with the base resident; `None` where the textures cannot hold it.
+    pub fn new(document: &Document) -> Option<Self> {
+        let mut table = Self::default();
+        for samples in &document.base {
+            let slot = table.slots.allocate(samples.resolution)?;
+            table.uploads.push(Upload::pack(slot, samples));
+            table.base.push(slot);
+            table.pinned_bytes += bytes_of(samples.resolution, true, !samples.colours.is_empty());
+        }
+        Some(table)
+    }
+
+    /// Whether `page` is resident.
+    pub fn contains(&self, page: PageId) -> bool {
+        self.pages.contains_key(&page)
+    }
+
+    /// The slot of `page`.
+    pub fn slot(&self, page: PageId) -> Option<Slot> {
+        self.pages.get(&page).map(|resident| resident.slot)
+    }
+
+    /// The slot of the base of chart `index`.
+    pub fn base_slot(&self, index: usize) -> Option<Slot> {
+        self.base.get(index).copied()
+    }
+
+    /// The samples of a resident page that has children.
+    pub fn samples(&self, page: PageId) -> Option<&PageSamples> {
+        self.pages.get(&page)?.samples.as_ref()
+    }
+
+    /// Marks pages as used.
+    pub fn touch(&mut self, pages: impl Iterator<Item = PageId>) {
+        for page in pages {
+            if self.pages.contains_key(&page) {
+                self.lru.touch(page);
+            }
+        }
+    }
+
+    /// Makes room for a page of `bytes`, evicting what was used longest ago and is not in `pinned`. Whether it fits.
+    pub fn make_room(&mut self, bytes: u64, capacity_bytes: u64, pinned: &HashSet<PageId>) -> bool {
+        while self.used_bytes.saturating_add(bytes) > capacity_bytes {
+            let victim = self.lru.oldest_first().find(|page| self.is_evictable(*page, pinned));
+            let Some(victim) = victim else { return false };
+            self.evict(victim);
+        }
+        true
+    }
+
+    /// Takes a decoded page; whether there was a slot for it. Room must have been made.
+    pub fn insert(&mut self, page: PageId, parent: Option<PageId>, samples: PageSamples, has_children: bool) -> bool {
+        let Some(slot) = self.slots.allocate(samples.resolution) else { return false };
+        self.uploads.push(Upload::pack(slot, &samples));
+        let bytes = bytes_of(samples.resolution, has_children, !samples.colours.is_empty());
+        let samples = has_children.then_some(samples);
+        self.pages.insert(page, Resident { slot, samples, parent, resident_children: 0, bytes });
+        if let Some(parent) = parent.and_then(|parent| self.pages.get_mut(&parent)) {
+            parent.resident_children += 1;
+        }
+        self.used_bytes += bytes;
+        self.lru.touch(page);
+        true
+    }
+
+    /// Uploads that have not been taken yet, in order.
+    pub fn take_uploads(&mut self) -> Vec<Upload> {
+        std::mem::take(&mut self.uploads)
+    }
+
+    /// Whether uploads wait.
+    pub fn has_uploads(&self) -> bool {
+        !self.uploads.is_empty()
+    }
+
+    /// Texture layers in use.
+    pub fn layers(&self) -> u32 {
+        self.slots.layers()
+    }
+
+    /// Bytes of evictable pages.
+    pub fn used_bytes(&self) -> u64 {
+        self.used_bytes
+    }
+
+    /// Bytes of the base.
+    pub fn pinned_bytes(&self) -> u64 {
+        self.pinned_bytes
+    }
+
+    /// Pages evicted so far.
+    pub fn evictions(&self) -> u64 {
+        self.evictions
+    }
+
+    fn is_evictable(&self, page: PageId, pinned: &HashSet<PageId>) -> bool {
+        !pinned.contains(&page) && self.pages.get(&page).is_some_and(|resident| resident.resident_children == 0)
+    }
+
+    fn evict(&mut self, page: PageId) {
+        self.lru.remove(page);
+        let Some(resident) = self.pages.remove(&page) else { return };
+        if let Some(parent) = resident.parent.and_then(|parent| self.pages.get_mut(&parent)) {
+            parent.resident_children = parent.resident_children.saturating_sub(1);
+        }
+        self.uploads.retain(|upload| upload.slot != resident.slot);
+        self.slots.free(resident.slot);
+        self.used_bytes = self.used_bytes.saturating_sub(resident.bytes);
+        self.evictions += 1;
+    }
+}
+
+/// What a page takes: its texels, and its samples where children are decoded from them.
+pub fn bytes_of(resolution: u8, has_children: bool, has_colours: bool) -> u64 {
+    let side = (1u64 << resolution) + 1;
+    let texels = if has_colours { COLOURED_SAMPLE_BYTES } else { SAMPLE_BYTES };
+    let kept = match (has_children, has_colours) {
+        (false, _) => 0,
+        (true, false) => KEPT_BYTES,
+        (true, true) => KEPT_COLOURED_BYTES,
+    };
+    side * side * (texels + kept)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn page(resolution: u8) -> PageSamples {
+        let count = ((1usize << resolution) + 1).pow(2);
+        PageSamples {
+            resolution,
+            positions: vec![[0; 3]; count],
+            position_targets: vec![[0; 3]; count],
+            normals: vec![[0; 2]; count],
+            normal_targets: vec![[0; 2]; count],
+            ..PageSamples::default()
+        }
+    }
+
+    fn put(table: &mut PageTable, id: u32, parent: Option<u32>, capacity: u64, pinned: &[u32]) -> bool {
+        let pinned = pinned.iter().map(|id| PageId(*id)).collect();
+        table.make_room(bytes_of(5, true, false), capacity, &pinned)
+            && table.insert(PageId(id), parent.map(PageId), page(5), true)
+    }
+
+    #[test]
+    fn budget_holds_and_the_oldest_goes_first() {
+        let mut table = PageTable::default();
+        let capacity = 3 * bytes_of(5, true, false);
+        for id in 0..10 {
+            assert!(put(&mut table, id, None, capacity, &[]));
+            assert!(table.used_bytes() <= capacity);
+        }
+        assert_eq!(table.evictions(), 7);
+        assert!((0..10).all(|id| table.contains(PageId(id)) == (id >= 7)));
+    }
+
+    #[test]
+    fn pinned_pages_and_parents_stay() {
+        let mut table = PageTable::default();
+        let capacity = 3 * bytes_of(5, true, false);
+        assert!(put(&mut table, 0, None, capacity, &[]));
+        assert!(put(&mut table, 1, Some(0), capacity, &[]));
+        assert!(put(&mut table, 2, None, capacity, &[]));
+        assert!(put(&mut table, 3, None, capacity, &[2]));
+        assert!(table.contains(PageId(0)) && table.contains(PageId(2)) && !table.contains(PageId(1)));
+        assert!(!put(&mut table, 4, None, capacity, &[0, 2, 3]));
+        assert_eq!(table.used_bytes(), capacity);
+    }
+
+    #[test]
+    fn evicted_before_its_upload_is_not_uploaded() {
+        let mut table = PageTable::default();
+        let capacity = bytes_of(5, true, false);
+        assert!(put(&mut table, 0, None, capacity, &[]));
+        assert!(put(&mut table, 1, None, capacity, &[]));
+        assert_eq!(table.take_uploads().len(), 1);
+    }
+}

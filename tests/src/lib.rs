@@ -1,1 +1,16 @@
-//! End-to-end tests on the real binaries.
+//! End-to-end tests on the real binaries: the harness.
+//!
+//! The tests themselves are in `tests/`. They run the `marquetry` binary as a user does, and look at what it wrote with
+//! readers of their own where that is what is tested.
+
+pub mod binary;
+pub mod converted;
+pub mod data;
+pub mod http;
+pub mod meshes;
+pub mod ply;
+pub mod raster;
+pub mod server;
+
+pub use binary::{Finished, marquetry};
+pub use converted::{Converted, convert};

@@ -130,10 +130,9 @@ impl Context {
 
     /// The canvas' next picture; `None` when it is to be had only later.
     pub(crate) fn next_picture(&self) -> Option<(wgpu::SurfaceTexture, wgpu::TextureView)> {
-        let picture = match self.surface.get_current_texture() {
-            wgpu::CurrentSurfaceTexture::Success(picture)
-            | wgpu::CurrentSurfaceTexture::Suboptimal(picture) => picture,
-            _ => return None,
+        use wgpu::CurrentSurfaceTexture::{Suboptimal, Success};
+        let (Success(picture) | Suboptimal(picture)) = self.surface.get_current_texture() else {
+            return None;
         };
         let view = picture.texture.create_view(&wgpu::TextureViewDescriptor {
             format: Some(self.format),

@@ -73,7 +73,8 @@ impl View {
                 options.error_px = value
                     .trim()
                     .parse()
-                    .map_err(|_| wrong("a number of pixels above 0"))?
+                    .ok()
+                    .ok_or_else(|| wrong("a number of pixels above 0"))?;
             }
             "transition" => options.transition = value.parse()?,
             "shade" => options.shade = value.parse()?,
@@ -82,7 +83,8 @@ impl View {
                 options.cache_bytes = value
                     .trim()
                     .parse()
-                    .map_err(|_| wrong("a number of bytes"))?
+                    .ok()
+                    .ok_or_else(|| wrong("a number of bytes"))?;
             }
             _ => return Err(JsError::new(&format!("there is no option {name}"))),
         }

@@ -1,0 +1,358 @@
+// The browser test: the real page, from the real server, in headless Chromium with WebGPU in software.
+//
+//   node tests/browser/run.mjs --marquetry target/release/marquetry --chromium /usr/bin/chromium --out target/browser
+
+import assert from "node:assert/strict";
+import { copyFileSync, mkdirSync, writeFileSync } from "node:fs";
+import { join, resolve } from "node:path";
+import { Checks, Marquetry, browser, decode, options, scan } from "./harness.mjs";
+import { maskedSsim } from "./ssim.mjs";
+import { PATIENCE_MS, ViewerPage } from "./viewer_page.mjs";
+
+/** Requests and bytes that the first image may take. */
+const READY_REQUESTS = 2;
+const READY_BYTES = 256 * 1024;
+/** Least similarity of browser and native picture over the object: two rasterizers differ at its outline. */
+const SAME_PICTURE = 0.98;
+/** Least similarity of a view and the same view by its link, which rounds the camera to nine digits. */
+const SAME_LINK = 0.995;
+const BACKGROUND = "202226";
+
+const given = options(["marquetry", "chromium", "out"]);
+const out = resolve(given.out ?? "target/browser");
+const served = join(out, "served");
+mkdirSync(served, { recursive: true });
+const marquetry = new Marquetry(resolve(given.marquetry ?? "target/release/marquetry"));
+
+const input = scan(out);
+const file = join(served, "dragon.marq");
+console.log(`  converting ${input} (up to a minute)`);
+await marquetry.convert(input, file);
+copyFileSync(file, join(served, "second one.marq"));
+
+const server = await marquetry.serve(served);
+const chromium = await browser(given.chromium ?? "/usr/bin/chromium");
+const checks = new Checks();
+let main;
+try {
+  main = await ViewerPage.open(chromium, `${server.url}/?file=dragon`);
+  await loading();
+  await picture();
+  await moving();
+  await thePage();
+  await main.close();
+  await otherHosts();
+  await failures();
+} finally {
+  await chromium.close();
+  server.stop();
+}
+process.exitCode = checks.finish() ? 0 : 1;
+
+async function loading() {
+  await checks.run("the first image takes few requests", async () => {
+    await main.state("ready", "settled");
+    const { atReady, events } = await main.spied();
+    const ready = events.find((event) => event.type === "ready");
+    assert.ok(atReady.length >= 1 && atReady.length <= READY_REQUESTS, JSON.stringify(atReady));
+    assert.equal(ready.requests, atReady.length);
+    assert.ok(ready.bytes > 0 && ready.bytes <= READY_BYTES, `${ready.bytes} bytes`);
+    return `${ready.requests} requests, ${ready.bytes} bytes`;
+  });
+  await checks.run("the view settles", async () => {
+    await main.settle();
+    const { events } = await main.spied();
+    assert.ok(events.some((event) => event.type === "settled"));
+    assert.equal(events.filter((event) => event.type === "progress").at(-1).progress, 1);
+    const stats = await main.read((viewer) => viewer.stats());
+    assert.equal(stats.pages.missing, 0);
+    assert.equal(stats.failures, 0);
+    assert.ok(stats.cache.used_bytes <= stats.cache.capacity_bytes);
+    return `${stats.triangles} triangles, ${stats.network.bytes} bytes in ${stats.network.requests} requests`;
+  });
+  await checks.run("pages come from their own URLs", async () => {
+    const { requests } = await main.spied();
+    assert.ok(requests.some(({ url }) => /^\/pages\/dragon\/[0-9a-f]{32}\/\d+(-\d+)?$/.test(url)));
+  });
+  await checks.run("nothing is drawn while nothing changes", async () => {
+    await main.rest();
+    const { submits: before } = await main.spied();
+    await main.page.waitForTimeout(1000);
+    const { submits: later } = await main.spied();
+    assert.ok(before > 0);
+    assert.equal(later, before);
+  });
+}
+
+async function picture() {
+  await checks.run("browser and native draw the same picture", async () => {
+    const web = await main.screenshot();
+    writeFileSync(join(out, "browser.png"), web);
+    const size = await main.canvas();
+    const camera = await main.read((viewer) => viewer.camera);
+    const native = await marquetry.render(file, join(out, "native.png"), { ...size, camera, background: BACKGROUND });
+    const { ssim, pixels, total } = maskedSsim(decode(web), native, rgb(BACKGROUND));
+    assert.ok(pixels > total / 20, `the object covers ${pixels} of ${total} pixels`);
+    assert.ok(ssim >= SAME_PICTURE, `SSIM ${ssim.toFixed(4)} over ${pixels} pixels; see ${out}`);
+    return `SSIM ${ssim.toFixed(4)} over ${pixels} pixels`;
+  });
+}
+
+async function moving() {
+  const reset = async () => {
+    await main.page.locator("marquetry-viewer").focus();
+    await main.page.keyboard.press("Home");
+    await main.rest();
+  };
+  const start = await main.camera();
+  const move = async (name, act, check) => {
+    await checks.run(name, async () => {
+      await reset();
+      const before = await main.camera();
+      await act(...(await main.middle()));
+      await main.rest();
+      check(before, await main.camera());
+    });
+  };
+  const mouse = main.page.mouse;
+  const drag = (button) => async (x, y) => {
+    await mouse.move(x, y);
+    await mouse.down({ button });
+    await mouse.move(x + 60, y + 20, { steps: 5 });
+    await mouse.up({ button });
+  };
+  await move("dragging orbits", drag("left"), (before, after) => {
+    assert.ok(gap(eye(before), eye(after)) > 0.05 * reach(before), "the eye moves");
+    assert.ok(gap(target(before), target(after)) < 1e-6 * reach(before), "the target stays");
+    assert.ok(Math.abs(reach(after) / reach(before) - 1) < 1e-6, "the distance stays");
+  });
+  await move("the right button pans", drag("right"), (before, after) => {
+    assert.ok(gap(target(before), target(after)) > 0.01 * reach(before), "the target moves");
+  });
+  await move("the wheel zooms in", async (x, y) => {
+    await mouse.move(x, y);
+    await mouse.wheel(0, -240);
+  }, (before, after) => assert.ok(reach(after) < 0.9 * reach(before)));
+  await move("arrow keys orbit", () => main.page.keyboard.press("ArrowRight"), (before, after) => {
+    assert.ok(gap(eye(before), eye(after)) > 0.01 * reach(before));
+    assert.ok(gap(target(before), target(after)) < 1e-6 * reach(before));
+  });
+  await move("plus zooms in", () => main.page.keyboard.press("+"), (before, after) =>
+    assert.ok(reach(after) < reach(before)));
+  await move("two fingers zoom", () => pinch(main), (before, after) => assert.ok(reach(after) < 0.95 * reach(before)));
+  await checks.run("Home leads back", async () => {
+    await reset();
+    const now = await main.camera();
+    assert.ok(gap(eye(start), eye(now)) < 1e-6 * reach(start));
+  });
+  await checks.run("keys and buttons change the shading", async () => {
+    await main.page.keyboard.press("l");
+    await main.rest();
+    assert.equal(await main.read((viewer) => viewer.shade), "lod");
+    assert.ok(await main.page.locator("input[value=lod]").isChecked());
+    const lod = await main.screenshot();
+    await main.page.locator("label", { hasText: "Normals" }).click();
+    await main.rest();
+    assert.equal(await main.read((viewer) => viewer.shade), "normal");
+    const normal = await main.screenshot();
+    await main.page.locator("label", { hasText: "Wire" }).click();
+    await main.rest();
+    const wire = await main.screenshot();
+    await main.page.locator("label", { hasText: "Lit" }).click();
+    await main.rest();
+    const lit = await main.screenshot();
+    const pictures = { lod, normal, wire, lit };
+    for (const [name, png] of Object.entries(pictures)) writeFileSync(join(out, `shade_${name}.png`), png);
+    const distinct = new Set(Object.values(pictures).map((png) => png.toString("base64")));
+    assert.equal(distinct.size, 4);
+  });
+}
+
+async function thePage() {
+  await checks.run("a new size is drawn at that size", async () => {
+    await main.page.setViewportSize({ width: 800, height: 520 });
+    await main.page.waitForFunction(
+      () => document.querySelector("marquetry-viewer").shadowRoot.querySelector("canvas").width === 800,
+      undefined,
+      { timeout: PATIENCE_MS },
+    );
+    await main.rest();
+    const size = await main.canvas();
+    const picture = decode(await main.screenshot());
+    assert.deepEqual([picture.width, picture.height], [size.width, size.height]);
+    await main.page.setViewportSize({ width: 640, height: 480 });
+    await main.rest();
+  });
+  await checks.run("the address reproduces the view", async () => {
+    await main.page.locator("marquetry-viewer").focus();
+    for (const key of ["ArrowLeft", "ArrowLeft", "ArrowUp", "+"]) await main.page.keyboard.press(key);
+    await main.rest();
+    await main.page.waitForTimeout(600);
+    const [camera, before] = [await main.camera(), await main.screenshot()];
+    const address = main.page.url();
+    assert.match(address, /#camera=/);
+    const again = await ViewerPage.open(chromium, address);
+    await again.settle();
+    const close = (await again.camera()).every((value, i) => Math.abs(value - camera[i]) <= 1e-7 * reach(camera));
+    assert.ok(close, `${camera} and ${await again.camera()}`);
+    const { ssim } = maskedSsim(decode(before), decode(await again.screenshot()), rgb(BACKGROUND));
+    assert.ok(ssim >= SAME_LINK, `SSIM ${ssim}`);
+    await again.close();
+    return `SSIM ${ssim.toFixed(4)}`;
+  });
+  await checks.run("statistics and help show", async () => {
+    await main.page.keyboard.press("i");
+    await main.page.getByText("Fetched").waitFor({ timeout: PATIENCE_MS });
+    await main.page.screenshot({ path: join(out, "page.png") });
+    await main.page.keyboard.press("?");
+    assert.ok(await main.page.locator("#help").isVisible());
+    await main.page.keyboard.press("Escape");
+  });
+  await checks.run("a narrow page holds everything", async () => {
+    await main.page.setViewportSize({ width: 360, height: 640 });
+    await main.rest();
+    await main.page.screenshot({ path: join(out, "narrow.png") });
+    const overflow = await main.page.evaluate(() =>
+      [document.documentElement, ...document.querySelectorAll("header *")]
+        .filter((element) => element.getBoundingClientRect().right > innerWidth + 0.5)
+        .map((element) => element.outerHTML.slice(0, 80)),
+    );
+    assert.deepEqual(overflow, []);
+  });
+  await checks.run("the console is clean", async () => assert.deepEqual(main.complaints, []));
+  await checks.run("the catalogue lists what is served", async () => {
+    const list = await ViewerPage.open(chromium, server.url, { scheme: "light" });
+    const links = list.page.locator("#files a");
+    await links.nth(1).waitFor();
+    assert.deepEqual(await list.page.locator("#files strong").allTextContents(), ["dragon", "second one"]);
+    await list.page.screenshot({ path: join(out, "catalogue.png") });
+    await links.nth(1).click();
+    await list.settle();
+    await list.page.screenshot({ path: join(out, "light.png") });
+    assert.deepEqual(list.complaints, []);
+    await list.close();
+  });
+}
+
+async function otherHosts() {
+  await checks.run("a host that only knows ranges will do", async () => {
+    const viewer = await ViewerPage.open(chromium, `${server.url}/?file=dragon`, {
+      prepare: (page) => page.route("**/pages/**", (route) => route.fulfill({ status: 404 })),
+    });
+    await viewer.settle();
+    const { requests } = await viewer.spied();
+    assert.ok(requests.filter(({ range }) => range !== null).length > READY_REQUESTS);
+    await viewer.close();
+  });
+}
+
+async function failures() {
+  const refused = (name, pattern, query, prepare) =>
+    checks.run(name, async () => {
+      const viewer = await ViewerPage.open(chromium, `${server.url}/?file=${query}`, { prepare });
+      await viewer.state("failed");
+      const text = await viewer.alert();
+      assert.match(text, pattern);
+      const { events } = await viewer.spied();
+      assert.ok(events.some((event) => event.type === "error" && event.fatal));
+      assert.ok(await viewer.page.getByRole("button", { name: "Try again" }).isVisible());
+      await viewer.close();
+      return text.replace(/\s+/g, " ");
+    });
+  await refused("a missing file is named so", /no such file/, "missing");
+  await refused("a file of another kind is refused", /cannot be shown/, "dragon", (page) =>
+    page.route("**/files/**", (route) => route.fulfill({ status: 206, body: "<html>hello</html>".repeat(9000) })));
+  await refused("a flipped bit at the front is found", /cannot be shown/, "dragon", (page) =>
+    page.route("**/files/**", async (route) => {
+      const response = await route.fetch();
+      await route.fulfill({ response, body: flipped(await response.body(), 1000) });
+    }));
+  await refused("a file that ends early is refused", /cannot be shown/, "dragon", (page) =>
+    page.route("**/files/**", async (route) => {
+      const response = await route.fetch();
+      const body = (await response.body()).subarray(0, 3000);
+      await route.fulfill({ status: 206, body });
+    }));
+  await refused("a server that is gone is named so", /cannot be reached/, "dragon", (page) =>
+    page.route("**/files/**", (route) => route.abort("connectionrefused")));
+  await refused("a browser without WebGPU is told so", /WebGPU/, "dragon", (page) =>
+    page.addInitScript(() => Object.defineProperty(Navigator.prototype, "gpu", { get: () => undefined })));
+
+  await checks.run("broken pages are asked for again", async () => {
+    let broken = 0;
+    const viewer = await ViewerPage.open(chromium, `${server.url}/?file=dragon`, {
+      prepare: (page) =>
+        page.route("**/pages/**", async (route) => {
+          const turn = broken++;
+          if (turn === 0) return route.abort("connectionreset");
+          const response = await route.fetch();
+          const body = await response.body();
+          if (turn === 1) return route.fulfill({ response, body: flipped(body, body.length >> 1) });
+          if (turn === 2) return route.fulfill({ response, body: body.subarray(0, body.length >> 1) });
+          if (turn === 3) return route.fulfill({ status: 503 });
+          return route.fulfill({ response, body });
+        }),
+    });
+    await viewer.settle();
+    const stats = await viewer.read((element) => element.stats());
+    assert.ok(stats.failures >= 4, `${stats.failures} failures`);
+    assert.equal(stats.pages.missing, 0);
+    const { events } = await viewer.spied();
+    assert.ok(events.some((event) => event.type === "error" && !event.fatal));
+    await viewer.close();
+    return `${stats.failures} failures overcome`;
+  });
+  await checks.run("trying again helps once the server is back", async () => {
+    let down = true;
+    const viewer = await ViewerPage.open(chromium, `${server.url}/?file=dragon`, {
+      prepare: (page) => page.route("**/files/**", (route) => (down ? route.abort() : route.continue())),
+    });
+    await viewer.state("failed");
+    down = false;
+    await viewer.page.getByRole("button", { name: "Try again" }).click();
+    await viewer.state("ready", "settled");
+    await viewer.close();
+  });
+}
+
+/** Two fingers that move apart, by the browser's own touch input. */
+async function pinch(viewer) {
+  const [x, y] = await viewer.middle();
+  const session = await viewer.context.newCDPSession(viewer.page);
+  const touch = (type, spread) =>
+    session.send("Input.dispatchTouchEvent", {
+      type,
+      touchPoints: spread === null ? [] : [{ x: x - spread, y, id: 1 }, { x: x + spread, y, id: 2 }],
+    });
+  await touch("touchStart", 30);
+  for (const spread of [40, 50, 60]) await touch("touchMove", spread);
+  await touch("touchEnd", null);
+  await session.detach();
+}
+
+function flipped(body, at) {
+  const copy = Buffer.from(body);
+  copy[Math.min(at, copy.length - 1)] ^= 0x10;
+  return copy;
+}
+
+function rgb(text) {
+  return [0, 2, 4].map((at) => parseInt(text.slice(at, at + 2), 16));
+}
+
+function eye(camera) {
+  return camera.slice(0, 3);
+}
+
+function target(camera) {
+  return camera.slice(3, 6);
+}
+
+function gap(a, b) {
+  return Math.hypot(...a.map((value, i) => value - b[i]));
+}
+
+/** Distance of eye and target. */
+function reach(camera) {
+  return gap(eye(camera), target(camera));
+}

@@ -1,0 +1,212 @@
+//! Small atlases made from formulas.
+#![allow(dead_code, reason = "every test binary uses a part of this")]
+
+use marquetry_format::writer::{ChartInput, NodeInput, write_atlas};
+use marquetry_format::*;
+
+/// Position in the unit cube, normal, colour.
+pub type Surface = ([f64; 3], [f32; 3], [u8; 3]);
+
+/// Largest coordinate of the lattice.
+pub const LAST: f64 = ((1 << 21) - 1) as f64;
+
+/// An atlas to be made.
+pub struct Model<'a> {
+    pub glue: Vec<[Option<Glue>; 4]>,
+    /// By chart, u, v in 0..=1.
+    pub surface: &'a dyn Fn(usize, f64, f64) -> Surface,
+    /// Finest resolution of a chart's root.
+    pub resolution: &'a dyn Fn(usize) -> u8,
+    /// Whether a node has children.
+    pub split: &'a dyn Fn(NodeId) -> bool,
+    pub shift: u8,
+    pub has_colours: bool,
+}
+
+impl Model<'_> {
+    pub fn lattice(&self) -> Lattice {
+        Lattice { origin: [-1.0, -1.0, -1.0], step: 2.0 / LAST, shift: self.shift }
+    }
+
+    pub fn metadata(&self) -> Metadata {
+        Metadata {
+            kind: ContentKind::Scan,
+            lattice: self.lattice(),
+            bounds_min: [-1.0; 3],
+            bounds_max: [1.0; 3],
+            up_axis: 1,
+            has_colours: self.has_colours,
+            target_error_rel: 1e-4,
+            max_error_rel: 2e-4,
+            rms_error_rel: 5e-5,
+            source_triangles: 12,
+            source_vertices: 8,
+            source_name: "formula".to_owned(),
+            generator: "marquetry-format tests".to_owned(),
+        }
+    }
+
+    pub fn charts(&self) -> Vec<ChartInput> {
+        let chart = |(chart, glue): (usize, &[Option<Glue>; 4])| {
+            let root = self.node(NodeId::root(ChartId(chart as u32)));
+            ChartInput { glue: *glue, root }
+        };
+        self.glue.iter().enumerate().map(chart).collect()
+    }
+
+    fn node(&self, id: NodeId) -> NodeInput {
+        let chart = id.chart.0 as usize;
+        let resolution = if id.level == 0 { (self.resolution)(chart) } else { 5 };
+        let mut samples = PageSamples { resolution, ..PageSamples::default() };
+        let cells = f64::from(1u32 << resolution);
+        let nodes = f64::from(1u32 << id.level);
+        for j in 0..samples.side() {
+            for i in 0..samples.side() {
+                let u = (f64::from(id.x) + i as f64 / cells) / nodes;
+                let v = (f64::from(id.y) + j as f64 / cells) / nodes;
+                let (point, normal, colour) = (self.surface)(chart, u, v);
+                samples.positions.push(point.map(|c| {
+                    let unit = f64::from(1u32 << self.shift);
+                    (((c * LAST / unit).round() * unit) as u32).min(((1 << 21) - 1) >> self.shift << self.shift)
+                }));
+                samples.normals.push(octahedral::encode(normal));
+                if self.has_colours {
+                    samples.colours.push(colour);
+                }
+            }
+        }
+        let error = |r: u8| 5e5 / 4f32.powi(i32::from(id.level + r));
+        let errors = if id.level == 0 { (0..=resolution).map(error).collect() } else { vec![error(5)] };
+        let (_, axis, _) =
+            (self.surface)(chart, (f64::from(id.x) + 0.5) / nodes, (f64::from(id.y) + 0.5) / nodes);
+        let children = (self.split)(id)
+            .then(|| Box::new([0, 1, 2, 3].map(|quadrant| self.node(id.child(Quadrant(quadrant))))));
+        NodeInput { samples, errors, cone: NormalCone { axis, cos: 0.9 }, children }
+    }
+
+    pub fn write(&self) -> Result<Vec<u8>, Error> {
+        let mut out = Vec::new();
+        let parts = write_atlas(&self.metadata(), &self.lattice(), &self.charts(), &mut out)?;
+        assert_eq!(parts.total, out.len() as u64);
+        assert_eq!(parts.total, parts.header + parts.index + parts.geometry + parts.normals + parts.colour);
+        Ok(out)
+    }
+}
+
+pub fn glued(chart: u32, side: u8, reversed: bool) -> Option<Glue> {
+    Some(Glue { chart: ChartId(chart), side: Side(side), reversed })
+}
+
+pub fn never(_: NodeId) -> bool {
+    false
+}
+
+fn normalized(p: [f64; 3]) -> [f64; 3] {
+    let length = (p[0] * p[0] + p[1] * p[1] + p[2] * p[2]).sqrt();
+    p.map(|c| c / length)
+}
+
+fn coloured(p: [f64; 3]) -> [u8; 3] {
+    p.map(|c| (255.0 * (0.5 + 0.5 * (9.0 * c).sin())) as u8)
+}
+
+/// Corners of chart `chart` of the cube, counter-clockwise from outside, turned by `chart` quarters.
+fn cube_corners(chart: usize) -> [[f64; 3]; 4] {
+    let faces = [
+        [[-1, -1, 1], [1, -1, 1], [1, 1, 1], [-1, 1, 1]],
+        [[1, -1, 1], [1, -1, -1], [1, 1, -1], [1, 1, 1]],
+        [[1, -1, -1], [-1, -1, -1], [-1, 1, -1], [1, 1, -1]],
+        [[-1, -1, -1], [-1, -1, 1], [-1, 1, 1], [-1, 1, -1]],
+        [[-1, 1, 1], [1, 1, 1], [1, 1, -1], [-1, 1, -1]],
+        [[-1, -1, -1], [1, -1, -1], [1, -1, 1], [-1, -1, 1]],
+    ];
+    [0, 1, 2, 3].map(|corner| faces[chart][(corner + chart) % 4].map(f64::from))
+}
+
+/// Glue of the cube's six charts, found from their corners.
+pub fn cube_glue() -> Vec<[Option<Glue>; 4]> {
+    (0..6)
+        .map(|chart| {
+            let own = cube_corners(chart);
+            [0, 1, 2, 3].map(|side| {
+                (0..6).flat_map(|other| (0..4).map(move |to| (other, to))).find_map(|(other, to)| {
+                    let theirs = cube_corners(other);
+                    let meets = own[side] == theirs[(to + 1) % 4] && own[(side + 1) % 4] == theirs[to];
+                    meets.then_some(Glue { chart: ChartId(other as u32), side: Side(to as u8), reversed: true })
+                })
+            })
+        })
+        .collect()
+}
+
+/// A bumpy sphere over the cube.
+pub fn cube_sphere(chart: usize, u: f64, v: f64) -> Surface {
+    let corners = cube_corners(chart);
+    // Exact for dyadic u and v, so that both charts of a border start from equal numbers.
+    let p = [0, 1, 2].map(|k| {
+        let [a, b, c, d] = corners.map(|corner| corner[k]);
+        (a * (1.0 - u) + b * u) * (1.0 - v) + (d * (1.0 - u) + c * u) * v
+    });
+    let n = normalized(p);
+    let bump = 1.0 + 0.05 * (7.0 * n[0]).sin() * (5.0 * n[1] + 3.0 * n[2]).cos();
+    (n.map(|c| 0.5 + 0.45 * c * bump), n.map(|c| c as f32), coloured(n))
+}
+
+/// One chart glued to itself on both pairs of sides.
+pub fn torus_glue() -> Vec<[Option<Glue>; 4]> {
+    vec![[glued(0, 2, true), glued(0, 3, true), glued(0, 0, true), glued(0, 1, true)]]
+}
+
+pub fn torus(_: usize, u: f64, v: f64) -> Surface {
+    let (a, b) = (std::f64::consts::TAU * (u % 1.0), std::f64::consts::TAU * (v % 1.0));
+    let r = 0.3 + 0.12 * b.cos();
+    let n = [b.cos() * a.cos(), b.cos() * a.sin(), b.sin()];
+    ([0.5 + r * a.cos(), 0.5 + r * a.sin(), 0.5 + 0.12 * b.sin()], n.map(|c| c as f32), coloured(n))
+}
+
+/// One chart whose ends meet with a half twist: not reversed glue, two open sides.
+pub fn moebius_glue() -> Vec<[Option<Glue>; 4]> {
+    vec![[None, glued(0, 3, false), None, glued(0, 1, false)]]
+}
+
+pub fn moebius(_: usize, u: f64, v: f64) -> Surface {
+    let (u, v) = if u == 1.0 { (0.0, 1.0 - v) } else { (u, v) };
+    let a = std::f64::consts::TAU * u;
+    let w = 0.3 * (v - 0.5);
+    let r = 0.3 + w * (a / 2.0).cos();
+    // Not a normal, but equal at both ends, as a one-sided surface's cannot be.
+    ([0.5 + r * a.cos(), 0.5 + r * a.sin(), 0.5 + w * (a / 2.0).sin()], [0.0, 0.0, 1.0], [a as u8, 0, 99])
+}
+
+/// Two squares side by side, glued along one pair of sides, open elsewhere.
+pub fn strip_glue() -> Vec<[Option<Glue>; 4]> {
+    vec![[None, glued(1, 3, true), None, None], [None, None, None, glued(0, 1, true)]]
+}
+
+pub fn strip(chart: usize, u: f64, v: f64) -> Surface {
+    let x = (chart as f64 + u) / 2.0;
+    let p = [x, v, 0.25 + 0.1 * (6.0 * x).sin() * (4.0 * v).cos()];
+    (p, [0.0, 0.0, 1.0], coloured(p))
+}
+
+/// Every page of `document`, decoded, by page id.
+pub fn decode_all(document: &Document, source: &dyn ByteSource) -> Vec<PageSamples> {
+    let mut pages: Vec<PageSamples> = Vec::new();
+    for page in (0..document.page_count()).map(PageId) {
+        let bytes = source.read(document.page_range(page).unwrap()).unwrap();
+        pages.push(match document.parent(page) {
+            None => document.decode_root(ChartId(page.0), &bytes).unwrap(),
+            Some((parent, quadrant)) => {
+                document.decode_child(page, quadrant, &pages[parent.0 as usize], &bytes).unwrap()
+            }
+        });
+    }
+    pages
+}
+
+pub fn open(bytes: &[u8]) -> Document {
+    let source = SliceSource(bytes);
+    let mut document = Document::open(&source, Limits::default()).unwrap();
+    document.load_index(&source).unwrap();
+    document
+}

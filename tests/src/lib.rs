@@ -11,6 +11,7 @@ pub mod meshes;
 pub mod ply;
 pub mod raster;
 pub mod server;
+pub mod stage;
 
 pub use binary::{Finished, marquetry};
 pub use converted::{Converted, convert};

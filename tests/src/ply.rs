@@ -121,7 +121,10 @@ impl Body<'_> {
                 continue;
             };
             let count = self.number(count_kind)?;
-            ensure!(count.to_bits() == 3.0_f64.to_bits(), "a face of {count} corners");
+            ensure!(
+                count.to_bits() == 3.0_f64.to_bits(),
+                "a face of {count} corners"
+            );
             let mut triangle = [0; 3];
             for corner in &mut triangle {
                 let index = self.number(property.kind)?;

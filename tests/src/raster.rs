@@ -1,34 +1,58 @@
 //! Which pixels a mesh covers, worked out on the CPU in `f64`.
 //!
-//! A pixel is covered when its centre lies in the projection of any triangle, edges included, whichever way the triangle
-//! faces. Shared edges are evaluated in one order, so two triangles never both miss a centre between them.
+//! A point of the picture is covered when it lies in the projection of any triangle, edges included, whichever way the
+//! triangle faces. Shared edges are evaluated in one order, so two triangles never both miss a point between them.
 //! Limit: no clipping; a triangle that reaches behind the eye is an error.
 
-use anyhow::{Result, bail};
+use anyhow::{Result, bail, ensure};
 use glam::{DMat4, DVec2, DVec3};
 use marquetry_evaluation::image::Mask;
+use std::ops::Range;
 
-/// The pixels that `triangles` cover in a picture of `width` × `height` pixels.
+/// Where a picture is sampled without multisampling.
+pub const CENTRE: [DVec2; 1] = [DVec2::splat(0.5)];
+
+/// The standard sample positions of four-fold multisampling (Vulkan 1.0, section 25.4; Direct3D and Metal use the same).
+pub const FOUR_SAMPLES: [DVec2; 4] = [
+    DVec2::new(0.375, 0.125),
+    DVec2::new(0.875, 0.375),
+    DVec2::new(0.125, 0.625),
+    DVec2::new(0.625, 0.875),
+];
+
+/// A picture to be covered.
+#[derive(Debug, Clone, Copy)]
+pub struct Picture<'a> {
+    /// Clip coordinates (y up, w before the eye positive) of the positions.
+    pub clip_from_position: DMat4,
+    /// Pixels a row.
+    pub width: usize,
+    /// Rows.
+    pub height: usize,
+    /// Points within a pixel, from its top left corner, in pixels; at most eight.
+    pub samples: &'a [DVec2],
+}
+
+/// The pixels of which `triangles` cover every sample.
 ///
 /// # Errors
 /// When a corner does not lie before the eye.
 pub fn coverage(
     positions: &[DVec3],
     triangles: &[[u32; 3]],
-    clip_from_world: DMat4,
-    width: usize,
-    height: usize,
+    picture: &Picture<'_>,
 ) -> Result<Mask> {
-    let size = DVec2::new(width as f64, height as f64);
+    ensure!(picture.samples.len() <= 8, "at most eight samples");
+    let size = DVec2::new(picture.width as f64, picture.height as f64);
     let pixels: Vec<Option<DVec2>> = positions
         .iter()
         .map(|&position| {
-            let clip = clip_from_world * position.extend(1.0);
+            let clip = picture.clip_from_position * position.extend(1.0);
             let ndc = DVec2::new(clip.x, -clip.y) / clip.w;
             (clip.w > 0.0 && ndc.is_finite()).then(|| (ndc + 1.0) * 0.5 * size)
         })
         .collect();
-    let mut mask = Mask::empty(width, height);
+    let mut covered = vec![0_u8; picture.width * picture.height];
     for triangle in triangles {
         let mut corners = [DVec2::ZERO; 3];
         for (corner, &vertex) in corners.iter_mut().zip(triangle) {
@@ -37,41 +61,57 @@ pub fn coverage(
             };
             *corner = pixel;
         }
-        cover(&mut mask, corners);
+        cover(&mut covered, picture, corners);
+    }
+    let all = u8::MAX >> (8 - picture.samples.len());
+    let mut mask = Mask::empty(picture.width, picture.height);
+    for (pixel, _) in covered
+        .iter()
+        .enumerate()
+        .filter(|&(_, &samples)| samples == all)
+    {
+        mask.insert(pixel % picture.width, pixel / picture.width);
     }
     Ok(mask)
 }
 
-fn cover(mask: &mut Mask, [a, b, c]: [DVec2; 3]) {
+fn cover(covered: &mut [u8], picture: &Picture<'_>, [a, b, c]: [DVec2; 3]) {
     let area = edge(a, b, c);
     if area == 0.0 {
         return;
     }
     let sign = area.signum();
-    let columns = pixel_range(a.x.min(b.x).min(c.x), a.x.max(b.x).max(c.x), mask.width());
-    let rows = pixel_range(a.y.min(b.y).min(c.y), a.y.max(b.y).max(c.y), mask.height());
-    for y in rows {
+    let (min, max) = (a.min(b).min(c), a.max(b).max(c));
+    let columns = pixel_range(min.x, max.x, picture.width);
+    for y in pixel_range(min.y, max.y, picture.height) {
         for x in columns.clone() {
-            let centre = DVec2::new(x as f64 + 0.5, y as f64 + 0.5);
-            if [(a, b), (b, c), (c, a)]
-                .iter()
-                .all(|&(p, q)| sign * edge(p, q, centre) >= 0.0)
-            {
-                mask.insert(x, y);
+            let corner = DVec2::new(x as f64, y as f64);
+            for (bit, &sample) in picture.samples.iter().enumerate() {
+                let point = corner + sample;
+                if [(a, b), (b, c), (c, a)]
+                    .iter()
+                    .all(|&(p, q)| sign * edge(p, q, point) >= 0.0)
+                {
+                    covered[y * picture.width + x] |= 1 << bit;
+                }
             }
         }
     }
 }
 
-/// Pixels whose centres may lie in `min..=max`.
+/// Pixels that `min..=max` touches.
 #[expect(
     clippy::cast_possible_truncation,
     clippy::cast_sign_loss,
     reason = "casts of floats saturate"
 )]
-fn pixel_range(min: f64, max: f64, len: usize) -> std::ops::Range<usize> {
-    let start = (min - 0.5).ceil() as usize;
-    let end = ((max + 0.5).floor() as usize).min(len);
+fn pixel_range(min: f64, max: f64, len: usize) -> Range<usize> {
+    let start = (min.floor() as usize).min(len);
+    let end = if max < 0.0 {
+        0
+    } else {
+        (max as usize + 1).min(len)
+    };
     start.min(end)..end
 }
 
@@ -89,31 +129,67 @@ mod tests {
     use super::*;
     use crate::meshes;
 
+    fn picture(clip_from_position: DMat4, size: usize, samples: &[DVec2]) -> Picture<'_> {
+        Picture {
+            clip_from_position,
+            width: size,
+            height: size,
+            samples,
+        }
+    }
+
     #[test]
     fn square_covers_the_pixels_within_it() {
-        let positions = [
-            DVec3::new(-0.5, -0.5, 0.0),
-            DVec3::new(0.5, -0.5, 0.0),
-            DVec3::new(0.5, 0.5, 0.0),
-            DVec3::new(-0.5, 0.5, 0.0),
-        ];
+        let positions = [(-0.5, -0.5), (0.5, -0.5), (0.5, 0.5), (-0.5, 0.5)]
+            .map(|(x, y)| DVec3::new(x, y, 0.0));
         for triangles in [[[0, 1, 2], [0, 2, 3]], [[2, 1, 0], [3, 2, 0]]] {
-            let mask = coverage(&positions, &triangles, DMat4::IDENTITY, 8, 8).unwrap();
-            assert_eq!(mask.count(), 16);
-            assert!(mask.contains(2, 2) && mask.contains(5, 5) && !mask.contains(6, 5));
+            for samples in [&CENTRE[..], &FOUR_SAMPLES] {
+                let mask = coverage(
+                    &positions,
+                    &triangles,
+                    &picture(DMat4::IDENTITY, 8, samples),
+                )
+                .unwrap();
+                assert_eq!(mask.count(), 16);
+                assert!(mask.contains(2, 2) && mask.contains(5, 5) && !mask.contains(6, 5));
+            }
         }
+    }
+
+    #[test]
+    fn pixel_counts_when_all_its_samples_are_covered() {
+        // Covers the left 60 % of the middle column of pixels: three of four samples are within.
+        let positions = [
+            (-1.0, -1.0),
+            (0.2 / 3.0, -1.0),
+            (0.2 / 3.0, 1.0),
+            (-1.0, 1.0),
+        ]
+        .map(|(x, y)| DVec3::new(x, y, 0.0));
+        let triangles = [[0, 1, 2], [0, 2, 3]];
+        let by_centre = coverage(
+            &positions,
+            &triangles,
+            &picture(DMat4::IDENTITY, 3, &CENTRE),
+        )
+        .unwrap();
+        let by_samples = coverage(
+            &positions,
+            &triangles,
+            &picture(DMat4::IDENTITY, 3, &FOUR_SAMPLES),
+        )
+        .unwrap();
+        assert_eq!((by_centre.count(), by_samples.count()), (6, 3));
     }
 
     #[test]
     fn closed_model_has_no_pinholes() {
         let sphere = meshes::sphere(200, 100);
-        let clip_from_world = DMat4::from_scale(DVec3::splat(0.9));
+        let clip_from_position = DMat4::from_scale(DVec3::splat(0.9));
         let mask = coverage(
             &sphere.positions,
             &sphere.triangles,
-            clip_from_world,
-            400,
-            400,
+            &picture(clip_from_position, 400, &CENTRE),
         )
         .unwrap();
         for y in 0..400_usize {
@@ -129,24 +205,32 @@ mod tests {
     #[test]
     fn corner_behind_the_eye_is_an_error() {
         // An eye at the origin that looks along −z: w is −z.
-        let mut clip_from_world = DMat4::IDENTITY;
-        clip_from_world.z_axis.w = -1.0;
-        clip_from_world.w_axis.w = 0.0;
+        let mut clip_from_position = DMat4::IDENTITY;
+        clip_from_position.z_axis.w = -1.0;
+        clip_from_position.w_axis.w = 0.0;
         let positions = [DVec3::Z, DVec3::X - DVec3::Z, DVec3::Y - DVec3::Z];
-        assert!(coverage(&positions, &[[0, 1, 2]], clip_from_world, 4, 4).is_err());
+        assert!(
+            coverage(
+                &positions,
+                &[[0, 1, 2]],
+                &picture(clip_from_position, 4, &CENTRE)
+            )
+            .is_err()
+        );
     }
 
     #[test]
     fn triangle_beside_the_picture_covers_nothing() {
-        let positions = [
-            DVec3::new(2.0, 2.0, 0.0),
-            DVec3::new(3.0, 2.0, 0.0),
-            DVec3::new(2.0, 3.0, 0.0),
-        ];
-        assert!(
-            coverage(&positions, &[[0, 1, 2]], DMat4::IDENTITY, 4, 4)
-                .unwrap()
-                .is_empty()
-        );
+        for shift in [-3.0, 2.0] {
+            let positions = [(0.0, 0.0), (0.9, 0.0), (0.0, 0.9)]
+                .map(|(x, y)| DVec3::new(x + shift, y + shift, 0.0));
+            let mask = coverage(
+                &positions,
+                &[[0, 1, 2]],
+                &picture(DMat4::IDENTITY, 4, &CENTRE),
+            )
+            .unwrap();
+            assert!(mask.is_empty());
+        }
     }
 }

@@ -10,10 +10,20 @@ use tempfile::TempDir;
 fn assert_refused(finished: &Finished, name: &str, causes: &[&str]) {
     let said = &finished.stderr;
     assert!(!finished.panicked(), "{name}: panicked:\n{said}");
-    assert_eq!(finished.code, Some(1), "{name}: wrong exit code; it said:\n{said}");
-    assert!(said.contains(name), "{name}: the message does not name the file:\n{said}");
+    assert_eq!(
+        finished.code,
+        Some(1),
+        "{name}: wrong exit code; it said:\n{said}"
+    );
+    assert!(
+        said.contains(name),
+        "{name}: the message does not name the file:\n{said}"
+    );
     let lower = said.to_lowercase();
-    assert!(causes.iter().any(|cause| lower.contains(cause)), "{name}: none of {causes:?} in:\n{said}");
+    assert!(
+        causes.iter().any(|cause| lower.contains(cause)),
+        "{name}: none of {causes:?} in:\n{said}"
+    );
 }
 
 /// Converts a file of `bytes` and asserts that it is refused and leaves nothing behind.
@@ -28,8 +38,15 @@ fn assert_convert_refuses_file(input: &Path, causes: &[&str]) {
     let folder = TempDir::new().unwrap();
     let output = folder.path().join("out.marq");
     let finished = marquetry(&arguments!["convert", input, "-o", &output]).unwrap();
-    assert_refused(&finished, input.file_name().unwrap().to_str().unwrap(), causes);
-    let left: Vec<_> = std::fs::read_dir(folder.path()).unwrap().map(|entry| entry.unwrap().path()).collect();
+    assert_refused(
+        &finished,
+        input.file_name().unwrap().to_str().unwrap(),
+        causes,
+    );
+    let left: Vec<_> = std::fs::read_dir(folder.path())
+        .unwrap()
+        .map(|entry| entry.unwrap().path())
+        .collect();
     assert!(left.is_empty(), "{}: left behind {left:?}", input.display());
 }
 
@@ -45,7 +62,10 @@ fn torus_marq(folder: &Path) -> PathBuf {
     let input = folder.join("input.ply");
     ply::write(&input, &meshes::torus(160, 80)).unwrap();
     let path = folder.join("torus.marq");
-    marquetry(&arguments!["convert", &input, "-o", &path]).unwrap().succeeded().unwrap();
+    marquetry(&arguments!["convert", &input, "-o", &path])
+        .unwrap()
+        .succeeded()
+        .unwrap();
     path
 }
 
@@ -56,7 +76,14 @@ fn spread(length: usize, count: usize) -> impl Iterator<Item = usize> {
 
 #[test]
 fn empty_files_are_refused() {
-    for name in ["empty.ply", "empty.obj", "empty.stl", "empty.off", "empty.glb", "empty.ply.gz"] {
+    for name in [
+        "empty.ply",
+        "empty.obj",
+        "empty.stl",
+        "empty.off",
+        "empty.glb",
+        "empty.ply.gz",
+    ] {
         assert_convert_refuses(name, b"", &["empty"]);
     }
 }
@@ -66,9 +93,21 @@ fn files_without_triangles_are_refused() {
     let points = "ply\nformat ascii 1.0\nelement vertex 1\nproperty float x\nproperty float y\nproperty float z\n\
                   end_header\n0 0 0\n";
     assert_convert_refuses("points.ply", points.as_bytes(), &["no triangles"]);
-    assert_convert_refuses("points.obj", b"v 0 0 0\nv 1 0 0\nv 0 1 0\n", &["no triangles"]);
-    assert_convert_refuses("none.off", b"OFF\n3 0 0\n0 0 0\n1 0 0\n0 1 0\n", &["no triangles"]);
-    assert_convert_refuses("none.stl", b"solid none\nendsolid none\n", &["no triangles", "empty"]);
+    assert_convert_refuses(
+        "points.obj",
+        b"v 0 0 0\nv 1 0 0\nv 0 1 0\n",
+        &["no triangles"],
+    );
+    assert_convert_refuses(
+        "none.off",
+        b"OFF\n3 0 0\n0 0 0\n1 0 0\n0 1 0\n",
+        &["no triangles"],
+    );
+    assert_convert_refuses(
+        "none.stl",
+        b"solid none\nendsolid none\n",
+        &["no triangles", "empty"],
+    );
 }
 
 #[test]
@@ -81,27 +120,72 @@ fn files_without_area_are_refused() {
 fn files_cut_short_are_refused() {
     let whole = torus_ply();
     for length in spread(whole.len(), 9).skip(1) {
-        assert_convert_refuses("short.ply", &whole[..length], &["early", "cut short", "header", "not a mesh"]);
+        assert_convert_refuses(
+            "short.ply",
+            &whole[..length],
+            &["early", "cut short", "header", "not a mesh"],
+        );
     }
     // Announces two triangles, brings one.
     let mut stl = vec![b' '; 80];
     stl.extend(2_u32.to_le_bytes());
     stl.extend([0; 50]);
-    assert_convert_refuses("short.stl", &stl, &["early", "cut short", "not a mesh", "no triangles"]);
-    assert_convert_refuses("short.off", b"OFF\n3 1 0\n0 0 0\n1 0 0\n0 1 0\n", &["early", "cut short"]);
-    assert_convert_refuses("short.glb", b"glTF\x02\0\0\0\x00\x10\0\0", &["early", "cut short", "glb", "gltf"]);
-    assert_convert_refuses("short.ply.gz", &[0x1f, 0x8b, 8, 0, 0, 0, 0, 0, 0, 3, 75], &["gzip"]);
+    assert_convert_refuses(
+        "short.stl",
+        &stl,
+        &["early", "cut short", "not a mesh", "no triangles"],
+    );
+    assert_convert_refuses(
+        "short.off",
+        b"OFF\n3 1 0\n0 0 0\n1 0 0\n0 1 0\n",
+        &["early", "cut short"],
+    );
+    assert_convert_refuses(
+        "short.glb",
+        b"glTF\x02\0\0\0\x00\x10\0\0",
+        &["early", "cut short", "glb", "gltf"],
+    );
+    assert_convert_refuses(
+        "short.ply.gz",
+        &[0x1f, 0x8b, 8, 0, 0, 0, 0, 0, 0, 3, 75],
+        &["gzip"],
+    );
 }
 
 #[test]
 fn files_that_are_no_mesh_are_refused() {
-    let noise: Vec<u8> = (0_u32..4096).map(|i| (i.wrapping_mul(2_654_435_761) >> 24) as u8).collect();
-    for name in ["noise.ply", "noise.obj", "noise.stl", "noise.off", "noise.glb", "noise.xyz"] {
-        let causes = ["not a mesh", "header", "no triangles", "early", "damaged", "not supported", "expected"];
+    let noise: Vec<u8> = (0_u32..4096)
+        .map(|i| (i.wrapping_mul(2_654_435_761) >> 24) as u8)
+        .collect();
+    for name in [
+        "noise.ply",
+        "noise.obj",
+        "noise.stl",
+        "noise.off",
+        "noise.glb",
+        "noise.xyz",
+    ] {
+        let causes = [
+            "not a mesh",
+            "header",
+            "no triangles",
+            "early",
+            "damaged",
+            "not supported",
+            "expected",
+        ];
         assert_convert_refuses(name, &noise, &causes);
     }
-    assert_convert_refuses("picture.ply", b"\x89PNG\r\n\x1a\n\0\0\0\rIHDR", &["not a mesh", "header"]);
-    assert_convert_refuses("prose.txt", b"It is a truth universally acknowledged.", &["not a mesh"]);
+    assert_convert_refuses(
+        "picture.ply",
+        b"\x89PNG\r\n\x1a\n\0\0\0\rIHDR",
+        &["not a mesh", "header"],
+    );
+    assert_convert_refuses(
+        "prose.txt",
+        b"It is a truth universally acknowledged.",
+        &["not a mesh"],
+    );
 }
 
 #[test]
@@ -113,7 +197,11 @@ fn coordinates_that_are_no_numbers_are_refused() {
     let infinite = b"v 0 0 0\nv 1 0 0\nv 0 1 0\nv 1 1 inf\nf 1 2 3\nf 2 4 3\n";
     assert_convert_refuses("infinite.obj", infinite, &["finite"]);
     let mut bytes = torus_ply();
-    let header = bytes.windows(11).position(|w| w == b"end_header\n").unwrap() + 11;
+    let header = bytes
+        .windows(11)
+        .position(|w| w == b"end_header\n")
+        .unwrap()
+        + 11;
     bytes[header..header + 8].copy_from_slice(&f64::NAN.to_le_bytes());
     assert_convert_refuses("one.ply", &bytes, &["finite"]);
 }
@@ -121,11 +209,20 @@ fn coordinates_that_are_no_numbers_are_refused() {
 #[test]
 fn indices_out_of_range_are_refused() {
     let vertices = "v 0 0 0\nv 1 0 0\nv 0 1 0\n";
-    for face in ["f 1 2 4", "f 1 2 -4", "f 1 2 0", "f 1 2 99999999999999999999"] {
+    for face in [
+        "f 1 2 4",
+        "f 1 2 -4",
+        "f 1 2 0",
+        "f 1 2 99999999999999999999",
+    ] {
         let text = format!("{vertices}{face}\n");
         assert_convert_refuses("index.obj", text.as_bytes(), &["refers to vertex", "index"]);
     }
-    assert_convert_refuses("index.off", b"OFF\n3 1 0\n0 0 0\n1 0 0\n0 1 0\n3 0 1 3\n", &["refers to vertex"]);
+    assert_convert_refuses(
+        "index.off",
+        b"OFF\n3 1 0\n0 0 0\n1 0 0\n0 1 0\n3 0 1 3\n",
+        &["refers to vertex"],
+    );
     let mut bytes = torus_ply();
     let last = bytes.len() - 4;
     bytes[last..].copy_from_slice(&u32::MAX.to_le_bytes());
@@ -137,14 +234,25 @@ fn counts_beyond_the_file_are_refused_without_taking_memory() {
     let header = "ply\nformat binary_little_endian 1.0\nelement vertex 4000000000\nproperty float x\n\
                   property float y\nproperty float z\nelement face 4000000000\n\
                   property list uchar int vertex_indices\nend_header\n";
-    assert_convert_refuses("huge.ply", header.as_bytes(), &["early", "cut short", "more than"]);
-    assert_convert_refuses("huge.off", b"OFF\n4000000000 4000000000 0\n", &["early", "cut short", "more than"]);
+    assert_convert_refuses(
+        "huge.ply",
+        header.as_bytes(),
+        &["early", "cut short", "more than"],
+    );
+    assert_convert_refuses(
+        "huge.off",
+        b"OFF\n4000000000 4000000000 0\n",
+        &["early", "cut short", "more than"],
+    );
 }
 
 #[test]
 fn files_that_are_not_there_are_named() {
     let folder = TempDir::new().unwrap();
-    assert_convert_refuses_file(&folder.path().join("missing.ply"), &["cannot", "no such file"]);
+    assert_convert_refuses_file(
+        &folder.path().join("missing.ply"),
+        &["cannot", "no such file"],
+    );
     let missing = folder.path().join("missing.marq");
     for command in ["info", "verify"] {
         let finished = marquetry(&arguments![command, &missing]).unwrap();
@@ -173,10 +281,21 @@ fn marq_cut_short_is_refused_by_every_command() {
             arguments!["verify", &short],
             arguments!["info", &short],
             arguments!["export", &short, "-o", &out],
-            arguments!["measure", &short, "--against", folder.path().join("input.ply"), "--samples", "100"],
+            arguments![
+                "measure",
+                &short,
+                "--against",
+                folder.path().join("input.ply"),
+                "--samples",
+                "100"
+            ],
         ] {
             let finished = marquetry(&arguments).unwrap();
-            assert_refused(&finished, "short.marq", &["short", "bytes", "ends", "empty", "marq"]);
+            assert_refused(
+                &finished,
+                "short.marq",
+                &["short", "bytes", "ends", "empty", "marq"],
+            );
         }
         assert!(!out.exists());
     }
@@ -193,7 +312,12 @@ fn every_flipped_bit_is_found() {
         std::fs::write(&flipped, &bytes).unwrap();
         let finished = marquetry(&arguments!["verify", &flipped]).unwrap();
         assert!(!finished.panicked(), "byte {place}:\n{}", finished.stderr);
-        assert_eq!(finished.code, Some(1), "byte {place} of {}: not noticed", whole.len());
+        assert_eq!(
+            finished.code,
+            Some(1),
+            "byte {place} of {}: not noticed",
+            whole.len()
+        );
         if k % 6 == 5 {
             let out = folder.path().join("out.ply");
             let finished = marquetry(&arguments!["export", &flipped, "-o", &out]).unwrap();
@@ -210,7 +334,11 @@ fn other_files_are_no_marq_files() {
     std::fs::write(&path, torus_ply()).unwrap();
     for command in ["info", "verify"] {
         let finished = marquetry(&arguments![command, &path]).unwrap();
-        assert_refused(&finished, "scan.marq", &["not a", "magic", "no .marq", "no marq"]);
+        assert_refused(
+            &finished,
+            "scan.marq",
+            &["not a", "magic", "no .marq", "no marq"],
+        );
     }
 }
 
@@ -228,9 +356,23 @@ fn url_that_stops_half_way_is_an_error() {
         }
     });
     let out = folder.path().join("out.ply");
-    for arguments in [arguments!["verify", &url], arguments!["export", &url, "-o", &out]] {
+    for arguments in [
+        arguments!["verify", &url],
+        arguments!["export", &url, "-o", &out],
+    ] {
         let finished = marquetry(&arguments).unwrap();
-        assert_refused(&finished, "half.marq", &["ended", "closed", "short", "connection", "incomplete", "bytes"]);
+        assert_refused(
+            &finished,
+            "half.marq",
+            &[
+                "ended",
+                "closed",
+                "short",
+                "connection",
+                "incomplete",
+                "bytes",
+            ],
+        );
     }
     assert!(!out.exists());
 }
@@ -249,19 +391,41 @@ fn answer_half(mut stream: TcpStream, bytes: &[u8]) -> std::io::Result<()> {
             let line = line.trim_end().to_ascii_lowercase();
             head |= first && line.starts_with("head ");
             first = false;
-            if let Some((start, end)) = line.strip_prefix("range: bytes=").and_then(|r| r.split_once('-')) {
+            if let Some((start, end)) = line
+                .strip_prefix("range: bytes=")
+                .and_then(|r| r.split_once('-'))
+            {
                 let start = start.parse().unwrap_or(0).min(bytes.len());
-                let end = end.parse().map_or(bytes.len(), |end: usize| (end + 1).min(bytes.len()));
+                let end = end
+                    .parse()
+                    .map_or(bytes.len(), |end: usize| (end + 1).min(bytes.len()));
                 range = start..end.max(start);
             }
             if line.is_empty() {
                 break;
             }
         }
-        let partial = if range.len() < bytes.len() { "206 Partial Content" } else { "200 OK" };
-        write!(stream, "HTTP/1.1 {partial}\r\nContent-Length: {}\r\nAccept-Ranges: bytes\r\n", range.len())?;
-        write!(stream, "ETag: \"half\"\r\nContent-Range: bytes {}-", range.start)?;
-        write!(stream, "{}/{}\r\n\r\n", range.end.saturating_sub(1), bytes.len())?;
+        let partial = if range.len() < bytes.len() {
+            "206 Partial Content"
+        } else {
+            "200 OK"
+        };
+        write!(
+            stream,
+            "HTTP/1.1 {partial}\r\nContent-Length: {}\r\nAccept-Ranges: bytes\r\n",
+            range.len()
+        )?;
+        write!(
+            stream,
+            "ETag: \"half\"\r\nContent-Range: bytes {}-",
+            range.start
+        )?;
+        write!(
+            stream,
+            "{}/{}\r\n\r\n",
+            range.end.saturating_sub(1),
+            bytes.len()
+        )?;
         if head {
             continue;
         }

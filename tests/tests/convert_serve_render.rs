@@ -16,12 +16,18 @@ fn json(mut arguments: Vec<OsString>) -> Value {
 }
 
 fn number(report: &Value, pointer: &str) -> f64 {
-    report.pointer(pointer).and_then(Value::as_f64).unwrap_or_else(|| panic!("no number {pointer} in {report}"))
+    report
+        .pointer(pointer)
+        .and_then(Value::as_f64)
+        .unwrap_or_else(|| panic!("no number {pointer} in {report}"))
 }
 
 /// Asserts that every key is there.
 fn assert_keys(report: &Value, pointers: &[&str]) {
-    let missing: Vec<_> = pointers.iter().filter(|pointer| report.pointer(pointer).is_none()).collect();
+    let missing: Vec<_> = pointers
+        .iter()
+        .filter(|pointer| report.pointer(pointer).is_none())
+        .collect();
     assert!(missing.is_empty(), "missing {missing:?} in {report}");
 }
 
@@ -44,7 +50,14 @@ fn assert_verifies(marq: &Path) {
         assert_eq!(check["ok"], Value::Bool(true), "{check}");
     }
     // A torus or a scan has pages and shared borders: checks that looked at nothing would pass for free.
-    assert!(checks.iter().map(|check| number(check, "/count")).sum::<f64>() > 100.0, "{report}");
+    assert!(
+        checks
+            .iter()
+            .map(|check| number(check, "/count"))
+            .sum::<f64>()
+            > 100.0,
+        "{report}"
+    );
 }
 
 /// What issue the converter's promises have on a scan.
@@ -59,24 +72,39 @@ struct Promise {
 
 /// Converts at defaults and asserts that what is promised is kept, as measured by `marquetry measure`.
 fn assert_kept(promise: &Promise) {
-    let Some(input) = data::find(promise.file) else { return };
+    let Some(input) = data::find(promise.file) else {
+        return;
+    };
     let converted = convert(&input, &[]).unwrap();
     assert_eq!(converted.report["input"]["triangles"], promise.triangles);
     assert_verifies(&converted.path);
 
     let samples = promise.samples.to_string();
-    let measured = json(arguments!["measure", &converted.path, "--against", &input, "--samples", &samples]);
+    let measured = json(arguments![
+        "measure",
+        &converted.path,
+        "--against",
+        &input,
+        "--samples",
+        &samples
+    ]);
     eprintln!("{}: {measured}\n{}", promise.file, converted.report);
     let bound = number(&converted.report, "/error/max_rel");
     assert!(number(&measured, "/rms_rel") <= promise.rms_rel);
     assert!(number(&measured, "/hausdorff_rel") <= promise.hausdorff_rel);
     for way in ["forward", "backward"] {
         let max = number(&measured, &format!("/{way}/max_rel"));
-        assert!(max <= bound, "{way}: measured {max}, but the bound is {bound}");
+        assert!(
+            max <= bound,
+            "{way}: measured {max}, but the bound is {bound}"
+        );
     }
     let bytes = converted.bytes().unwrap();
     assert_eq!(converted.report["output"]["bytes"], bytes);
-    assert!(bytes as f64 <= promise.bytes_per_triangle * promise.triangles as f64, "{bytes} bytes");
+    assert!(
+        bytes as f64 <= promise.bytes_per_triangle * promise.triangles as f64,
+        "{bytes} bytes"
+    );
 }
 
 #[test]
@@ -182,10 +210,25 @@ fn reports_have_the_keys_of_the_contract() {
     assert_eq!(info["bytes"]["total"], converted.bytes().unwrap());
     assert!(number(&info, "/first_read_bytes") <= f64::from(64 << 10));
     assert!(number(&info, "/first_image_bytes") <= f64::from(256 << 10));
-    let errors: Vec<f64> = info["level"].as_array().unwrap().iter().map(|level| number(level, "/error_rel")).collect();
-    assert!(errors.is_sorted_by(|coarse, fine| coarse >= fine), "errors grow on the way down: {errors:?}");
+    let errors: Vec<f64> = info["level"]
+        .as_array()
+        .unwrap()
+        .iter()
+        .map(|level| number(level, "/error_rel"))
+        .collect();
+    assert!(
+        errors.is_sorted_by(|coarse, fine| coarse >= fine),
+        "errors grow on the way down: {errors:?}"
+    );
 
-    let measured = json(arguments!["measure", &converted.path, "--against", &input, "--samples", "20000"]);
+    let measured = json(arguments![
+        "measure",
+        &converted.path,
+        "--against",
+        &input,
+        "--samples",
+        "20000"
+    ]);
     assert_keys(
         &measured,
         &[
@@ -206,9 +249,15 @@ fn reports_have_the_keys_of_the_contract() {
 
 /// Edges without a partner that runs the other way: none on a closed, consistently oriented surface.
 fn open_edges(triangles: &[[u32; 3]]) -> usize {
-    let mut edges: Vec<(u32, u32)> = triangles.iter().flat_map(|&[a, b, c]| [(a, b), (b, c), (c, a)]).collect();
+    let mut edges: Vec<(u32, u32)> = triangles
+        .iter()
+        .flat_map(|&[a, b, c]| [(a, b), (b, c), (c, a)])
+        .collect();
     edges.sort_unstable();
-    edges.iter().filter(|&&(a, b)| edges.binary_search(&(b, a)).is_err()).count()
+    edges
+        .iter()
+        .filter(|&&(a, b)| edges.binary_search(&(b, a)).is_err())
+        .count()
 }
 
 #[test]
@@ -220,23 +269,40 @@ fn exported_cuts_are_watertight_and_as_far_off_as_measured() {
     for triangles in [Some(600), Some(10_000), None] {
         let out = folder.path().join("cut.ply");
         let mut export = arguments!["export", &converted.path, "-o", &out];
-        let mut measurement = arguments!["measure", &converted.path, "--against", &input, "--samples", "50000"];
+        let mut measurement = arguments![
+            "measure",
+            &converted.path,
+            "--against",
+            &input,
+            "--samples",
+            "50000"
+        ];
         if let Some(triangles) = triangles {
             export.extend(arguments!["--triangles", triangles.to_string()]);
             measurement.extend(arguments!["--triangles", triangles.to_string()]);
         }
         marquetry(&export).unwrap().succeeded().unwrap();
         let cut = ply::read(&out).unwrap();
-        assert!(triangles.is_none_or(|most| cut.triangles.len() <= most), "{} triangles", cut.triangles.len());
+        assert!(
+            triangles.is_none_or(|most| cut.triangles.len() <= most),
+            "{} triangles",
+            cut.triangles.len()
+        );
         assert_eq!(open_edges(&cut.triangles), 0, "{triangles:?}");
 
         let found = measure(cut.mesh(), source.mesh(), 50_000).unwrap();
         let rms_rel = found.rms() / diagonal;
-        assert!(rms_rel < last, "more triangles, but not nearer: {rms_rel} after {last}");
+        assert!(
+            rms_rel < last,
+            "more triangles, but not nearer: {rms_rel} after {last}"
+        );
         last = rms_rel;
         let stated = number(&json(measurement), "/rms_rel");
         // The samples lie elsewhere where the export orders its triangles differently.
-        assert!((stated - rms_rel).abs() <= 0.05 * rms_rel, "measure says {stated}, the export is off by {rms_rel}");
+        assert!(
+            (stated - rms_rel).abs() <= 0.05 * rms_rel,
+            "measure says {stated}, the export is off by {rms_rel}"
+        );
     }
     // The default target.
     assert!(last <= 1e-4, "{last}");
@@ -247,12 +313,28 @@ fn every_export_format_imports_again() {
     let (folder, _, converted) = torus();
     for extension in ["ply", "obj", "glb"] {
         let out = folder.path().join("cut").with_extension(extension);
-        marquetry(&arguments!["export", &converted.path, "-o", &out, "--triangles", "20000"]).unwrap().succeeded().unwrap();
+        marquetry(&arguments![
+            "export",
+            &converted.path,
+            "-o",
+            &out,
+            "--triangles",
+            "20000"
+        ])
+        .unwrap()
+        .succeeded()
+        .unwrap();
         let (imported, _) = marquetry_converter::import::import(&out).unwrap();
         let finest = ply::read(&folder.path().join("torus.ply")).unwrap();
-        let mesh = Mesh { positions: &imported.positions, triangles: &imported.triangles };
+        let mesh = Mesh {
+            positions: &imported.positions,
+            triangles: &imported.triangles,
+        };
         let found = measure(mesh, finest.mesh(), 10_000).unwrap();
-        assert!(found.rms() / finest.mesh().diagonal() < 1e-3, "{extension}: {found:?}");
+        assert!(
+            found.rms() / finest.mesh().diagonal() < 1e-3,
+            "{extension}: {found:?}"
+        );
     }
 }
 
@@ -266,11 +348,17 @@ fn surface_with_a_hole_keeps_both_borders() {
     assert_eq!(converted.report["input"]["boundary_loops"], 2);
     assert_verifies(&converted.path);
     let out = folder.path().join("out.ply");
-    marquetry(&arguments!["export", &converted.path, "-o", &out]).unwrap().succeeded().unwrap();
+    marquetry(&arguments!["export", &converted.path, "-o", &out])
+        .unwrap()
+        .succeeded()
+        .unwrap();
     let exported = ply::read(&out).unwrap();
     let found = measure(exported.mesh(), plane.mesh(), 50_000).unwrap();
     // Would be a sixth of the side if the hole were covered.
-    assert!(found.hausdorff() / plane.mesh().diagonal() < 3e-3, "{found:?}");
+    assert!(
+        found.hausdorff() / plane.mesh().diagonal() < 3e-3,
+        "{found:?}"
+    );
     assert!(open_edges(&exported.triangles) > 0);
 }
 
@@ -279,14 +367,37 @@ fn any_number_of_threads_writes_the_same_bytes() {
     let folder = TempDir::new().unwrap();
     let formula = folder.path().join("torus.ply");
     ply::write(&formula, &meshes::torus(400, 200)).unwrap();
-    for input in [Some(formula), data::find("bun_zipper.ply"), data::find("armadillo_86k.obj.gz")].into_iter().flatten() {
+    for input in [
+        Some(formula),
+        data::find("bun_zipper.ply"),
+        data::find("armadillo_86k.obj.gz"),
+    ]
+    .into_iter()
+    .flatten()
+    {
         let [one, two] = ["1", "2"].map(|threads| {
             let out = folder.path().join(format!("{threads}.marq"));
-            marquetry(&arguments!["convert", &input, "-o", &out, "--threads", threads]).unwrap().succeeded().unwrap();
+            marquetry(&arguments![
+                "convert",
+                &input,
+                "-o",
+                &out,
+                "--threads",
+                threads
+            ])
+            .unwrap()
+            .succeeded()
+            .unwrap();
             std::fs::read(out).unwrap()
         });
         let first = one.iter().zip(&two).position(|(a, b)| a != b);
-        assert!(one == two, "{}: lengths {} and {}, byte {first:?} differs", input.display(), one.len(), two.len());
+        assert!(
+            one == two,
+            "{}: lengths {} and {}, byte {first:?} differs",
+            input.display(),
+            one.len(),
+            two.len()
+        );
     }
 }
 
@@ -297,7 +408,8 @@ fn killed_conversion_leaves_no_output() {
     ply::write(&input, &meshes::torus(600, 300)).unwrap();
     let out = folder.path().join("out.marq");
     for milliseconds in [5, 50, 200, 400] {
-        let mut child = marquetry_tests::binary::spawn(&arguments!["convert", &input, "-o", &out]).unwrap();
+        let mut child =
+            marquetry_tests::binary::spawn(&arguments!["convert", &input, "-o", &out]).unwrap();
         std::thread::sleep(Duration::from_millis(milliseconds));
         child.kill().unwrap();
         child.wait().unwrap();
@@ -325,29 +437,64 @@ fn server_hands_out_the_file_in_ranges_and_pages() {
     assert!(text.contains(name), "{text}");
     let page = http::get(&server.authority, "/", &[]).unwrap();
     assert_eq!(page.status, 200);
-    assert!(page.header("content-type").unwrap().starts_with("text/html"));
+    assert!(
+        page.header("content-type")
+            .unwrap()
+            .starts_with("text/html")
+    );
 
     let path = format!("/files/{name}.marq");
     let whole = http::get(&server.authority, &path, &[]).unwrap();
     assert_eq!(whole.status, 200);
     assert!(whole.body == bytes);
-    assert!(whole.header("etag").unwrap().starts_with('"'), "the ETag is weak");
+    assert!(
+        whole.header("etag").unwrap().starts_with('"'),
+        "the ETag is weak"
+    );
     let part = http::get(&server.authority, &path, &[("Range", "bytes=100-299")]).unwrap();
     assert_eq!(part.status, 206);
-    assert_eq!(part.header("content-range"), Some(format!("bytes 100-299/{}", bytes.len()).as_str()));
+    assert_eq!(
+        part.header("content-range"),
+        Some(format!("bytes 100-299/{}", bytes.len()).as_str())
+    );
     assert!(part.body == bytes[100..300]);
     let beyond = format!("bytes={}-", bytes.len());
-    assert_eq!(http::get(&server.authority, &path, &[("Range", &beyond)]).unwrap().status, 416);
-    assert_eq!(http::get(&server.authority, "/files/other.marq", &[]).unwrap().status, 404);
+    assert_eq!(
+        http::get(&server.authority, &path, &[("Range", &beyond)])
+            .unwrap()
+            .status,
+        416
+    );
+    assert_eq!(
+        http::get(&server.authority, "/files/other.marq", &[])
+            .unwrap()
+            .status,
+        404
+    );
 
     let info = json(arguments!["info", &converted.path]);
     let content = info["content_id"].as_str().unwrap();
     let pages = number(&info, "/pages");
-    let last = http::get(&server.authority, &format!("/pages/{name}/{content}/{}", pages - 1.0), &[]).unwrap();
+    let last = http::get(
+        &server.authority,
+        &format!("/pages/{name}/{content}/{}", pages - 1.0),
+        &[],
+    )
+    .unwrap();
     assert_eq!(last.status, 200);
     assert!(last.header("cache-control").unwrap().contains("immutable"));
-    assert!(bytes.windows(last.body.len()).any(|window| window == last.body), "the page is no part of the file");
-    let none = http::get(&server.authority, &format!("/pages/{name}/{content}/{pages}"), &[]).unwrap();
+    assert!(
+        bytes
+            .windows(last.body.len())
+            .any(|window| window == last.body),
+        "the page is no part of the file"
+    );
+    let none = http::get(
+        &server.authority,
+        &format!("/pages/{name}/{content}/{pages}"),
+        &[],
+    )
+    .unwrap();
     assert_eq!(none.status, 404);
 }
 
@@ -357,12 +504,28 @@ fn commands_take_a_url_where_they_take_a_file() {
     let server = Server::start(&[&converted.path]).unwrap();
     let name = converted.path.file_name().unwrap().to_str().unwrap();
     let url = server.url(&format!("/files/{name}"));
-    assert_eq!(json(arguments!["info", &url])["content_id"], json(arguments!["info", &converted.path])["content_id"]);
+    assert_eq!(
+        json(arguments!["info", &url])["content_id"],
+        json(arguments!["info", &converted.path])["content_id"]
+    );
     assert_eq!(json(arguments!["verify", &url])["ok"], Value::Bool(true));
     let mut exports = Vec::new();
-    for (source, name) in [(OsString::from(&url), "url.ply"), (OsString::from(&converted.path), "file.ply")] {
+    for (source, name) in [
+        (OsString::from(&url), "url.ply"),
+        (OsString::from(&converted.path), "file.ply"),
+    ] {
         let out = folder.path().join(name);
-        marquetry(&arguments!["export", source, "-o", &out, "--triangles", "5000"]).unwrap().succeeded().unwrap();
+        marquetry(&arguments![
+            "export",
+            source,
+            "-o",
+            &out,
+            "--triangles",
+            "5000"
+        ])
+        .unwrap()
+        .succeeded()
+        .unwrap();
         exports.push(std::fs::read(out).unwrap());
     }
     assert!(exports[0] == exports[1]);
@@ -375,9 +538,21 @@ fn picture_from_a_url_equals_picture_from_the_file() {
     let name = converted.path.file_name().unwrap().to_str().unwrap();
     let url = server.url(&format!("/files/{name}"));
     let mut pictures = Vec::new();
-    for (source, name) in [(OsString::from(&url), "url.png"), (OsString::from(&converted.path), "file.png")] {
+    for (source, name) in [
+        (OsString::from(&url), "url.png"),
+        (OsString::from(&converted.path), "file.png"),
+    ] {
         let out = folder.path().join(name);
-        let report = json(arguments!["render", source, "-o", &out, "--size", "320x240", "--background", "ff00ff"]);
+        let report = json(arguments![
+            "render",
+            source,
+            "-o",
+            &out,
+            "--size",
+            "320x240",
+            "--background",
+            "ff00ff"
+        ]);
         assert_keys(
             &report,
             &[
@@ -404,9 +579,15 @@ fn picture_from_a_url_equals_picture_from_the_file() {
     let (a, b) = (&pictures[0], &pictures[1]);
     assert_eq!(a.dimensions(), (320, 240));
     assert!(a == b);
-    let magenta = a.pixels().filter(|pixel| pixel.0[..3] == [255, 0, 255]).count();
+    let magenta = a
+        .pixels()
+        .filter(|pixel| pixel.0[..3] == [255, 0, 255])
+        .count();
     // A torus seen along its axis: a ring, with the background around it and within.
-    assert!((15_000..65_000).contains(&magenta), "{magenta} background pixels");
+    assert!(
+        (15_000..65_000).contains(&magenta),
+        "{magenta} background pixels"
+    );
     assert_ne!(a.get_pixel(160 + 56, 120).0[..3], [255, 0, 255], "the ring");
     assert_eq!(a.get_pixel(160, 120).0[..3], [255, 0, 255], "the hole");
 }

@@ -9,15 +9,26 @@ const EMPTY: [&str; 2] = ["tm_empty.ply", "tm_empty.stl"];
 
 #[test]
 fn difficult_meshes_convert_and_verify() {
-    let Some(folder) = data::find("difficult") else { return };
-    let mut inputs: Vec<PathBuf> = std::fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path()).collect();
+    let Some(folder) = data::find("difficult") else {
+        return;
+    };
+    let mut inputs: Vec<PathBuf> = std::fs::read_dir(folder)
+        .unwrap()
+        .map(|entry| entry.unwrap().path())
+        .collect();
     inputs.sort();
     let faults: Vec<String> = inputs
         .iter()
         .filter(|input| EMPTY.iter().all(|name| !input.ends_with(name)))
         .filter_map(|input| fault(input).map(|fault| format!("{}: {fault}", input.display())))
         .collect();
-    assert!(faults.is_empty(), "{} of {} fail:\n{}", faults.len(), inputs.len(), faults.join("\n"));
+    assert!(
+        faults.is_empty(),
+        "{} of {} fail:\n{}",
+        faults.len(),
+        inputs.len(),
+        faults.join("\n")
+    );
 }
 
 /// What goes wrong on the way, if anything does.
@@ -26,7 +37,8 @@ fn fault(input: &Path) -> Option<String> {
         Ok(converted) => converted,
         Err(error) => return Some(format!("{error:#}")),
     };
-    let verified = marquetry(&arguments!["verify", &converted.path, "--json", "-"]).and_then(|run| run.json());
+    let verified =
+        marquetry(&arguments!["verify", &converted.path, "--json", "-"]).and_then(|run| run.json());
     let report = match verified {
         Ok(report) => report,
         Err(error) => return Some(format!("verify: {error:#}")),

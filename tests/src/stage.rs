@@ -1,0 +1,186 @@
+//! A viewer on a file in memory, driven step by step, and what it should be covering.
+
+use crate::raster::{self, Picture};
+use anyhow::{Context, Result, ensure};
+use glam::{DMat4, DVec3};
+use marquetry_engine::camera::View;
+use marquetry_engine::lod::mesh::extract_mesh_in_motion;
+use marquetry_engine::{Camera, Viewer, ViewerOptions, Viewport};
+use marquetry_evaluation::image::{Image, Mask};
+use marquetry_format::{ByteSource, Document, Limits, PageId, SliceSource};
+use std::sync::Arc;
+
+/// Colour that no grey surface shows: full red and blue, no green.
+pub const MAGENTA: [u8; 3] = [255, 0, 255];
+
+/// Seconds of one step: slow enough for a quarter-second morph to be seen on its way.
+pub const STEP_SECONDS: f64 = 0.05;
+
+/// Steps after which a view that has not settled never will: fetches take one step each, and so do morphs' parts.
+const STEP_LIMIT: usize = 3000;
+
+/// A viewer whose fetches are answered at once, from memory.
+#[derive(Debug)]
+pub struct Stage {
+    /// The viewer.
+    pub viewer: Viewer,
+    /// Its picture's size.
+    pub viewport: Viewport,
+    source: SliceSource<Arc<[u8]>>,
+}
+
+impl Stage {
+    /// Shows the file `bytes`.
+    ///
+    /// # Errors
+    /// When the file or an option is not valid.
+    pub fn open(bytes: Arc<[u8]>, options: ViewerOptions, viewport: Viewport) -> Result<Self> {
+        let source = SliceSource(bytes);
+        let document = Document::open(&source, Limits::default())?;
+        Ok(Self {
+            viewer: Viewer::new(document, options)?,
+            viewport,
+            source,
+        })
+    }
+
+    /// Lets each page pass with probability `share`, always the same ones for the same `seed`. The viewer never fetches a
+    /// page whose parent is not let through, so what is resident is closed under parents.
+    pub fn let_through(&mut self, share: f64, seed: u64) {
+        self.viewer
+            .set_page_filter(Some(Box::new(move |PageId(page)| {
+                unit(seed, u64::from(page)) < share
+            })));
+    }
+
+    /// Looks from standard view `index`, `distance` bounding-sphere radii from the centre.
+    ///
+    /// # Errors
+    /// When there is no such view.
+    pub fn look_from(&mut self, index: usize, distance: f64) -> Result<()> {
+        let camera = Camera::standard(&self.viewer.document().metadata, index, distance)?;
+        self.viewer.set_camera(camera);
+        Ok(())
+    }
+
+    /// One update; what it asks for is delivered before the next. Returns how many requests that were.
+    ///
+    /// # Errors
+    /// When the viewer asks for bytes that the file does not have, or complains about those it got.
+    pub fn step(&mut self) -> Result<usize> {
+        let requests = self.viewer.update(STEP_SECONDS, self.viewport);
+        let count = requests.len();
+        for request in requests {
+            let bytes = self
+                .source
+                .read(request.range.clone())
+                .with_context(|| format!("{request:?}"))?;
+            self.viewer.deliver(request.id, Ok(bytes));
+        }
+        let failures = self.viewer.take_failures();
+        ensure!(failures.is_empty(), "the viewer complains: {failures:?}");
+        let cache = self.viewer.stats().cache;
+        ensure!(
+            cache.used_bytes <= cache.capacity_bytes,
+            "{} bytes in a cache of {}",
+            cache.used_bytes,
+            cache.capacity_bytes
+        );
+        Ok(count)
+    }
+
+    /// Steps until nothing is missing and nothing moves. Returns the number of steps.
+    ///
+    /// # Errors
+    /// As [`Stage::step`], or when that never comes.
+    pub fn settle(&mut self) -> Result<usize> {
+        for steps in 1..=STEP_LIMIT {
+            self.step()?;
+            if self.viewer.is_settled() {
+                return Ok(steps);
+            }
+        }
+        anyhow::bail!(
+            "not settled after {STEP_LIMIT} updates: {:?}",
+            self.viewer.stats()
+        )
+    }
+
+    /// The pixels of which the surface that is drawn now covers every one of `samples`, but for a rim of one pixel.
+    ///
+    /// # Errors
+    /// When the surface cannot be put together on the CPU.
+    pub fn inside(&self, samples: &[glam::DVec2]) -> Result<Mask> {
+        let drawn = self.viewer.drawn();
+        let mesh = extract_mesh_in_motion(
+            self.viewer.document(),
+            &self.source,
+            &drawn.cut,
+            &drawn.morphs,
+        )?;
+        Ok(raster::coverage(&mesh.positions, &mesh.triangles, &self.picture(samples))?.eroded())
+    }
+
+    /// The picture as the CPU sees it, for positions in lattice coordinates.
+    pub fn picture<'a>(&self, samples: &'a [glam::DVec2]) -> Picture<'a> {
+        let view = View::new(
+            &self.viewer.camera(),
+            &self.viewer.document().metadata,
+            self.viewport,
+        );
+        let eye =
+            DVec3::from_array(view.eye.whole.map(f64::from)) + DVec3::from_array(view.eye.fraction);
+        Picture {
+            clip_from_position: view.clip_from_offset * DMat4::from_translation(-eye),
+            width: self.viewport.width as usize,
+            height: self.viewport.height as usize,
+            samples,
+        }
+    }
+}
+
+/// Pixels of `inside` that show magenta, wholly or in part, on a surface that is grey.
+pub fn holes(image: Image<'_>, inside: &Mask) -> Vec<(usize, usize)> {
+    // One of four samples lets through a quarter of the light, which is far more than this.
+    const TINT: i32 = 24;
+    let tinted = |[r, g, b, _]: [u8; 4]| i32::from(r.min(b)) - i32::from(g) > TINT;
+    let pixels = image.pixels().zip(inside.as_slice()).enumerate();
+    pixels
+        .filter(|&(_, (pixel, &inside))| inside && tinted(pixel))
+        .map(|(index, _)| (index % image.width(), index / image.width()))
+        .collect()
+}
+
+/// A number in [0, 1) that depends on `seed` and `counter` alone.
+pub fn unit(seed: u64, counter: u64) -> f64 {
+    let mut key = seed.to_le_bytes().to_vec();
+    key.extend(counter.to_le_bytes());
+    (xxhash_rust::xxh3::xxh3_64(&key) >> 11) as f64 / (1_u64 << 53) as f64
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use marquetry_evaluation::image::silhouette;
+
+    #[test]
+    fn partly_magenta_pixels_are_holes_too() {
+        // Grey, a quarter magenta (in linear light, sRGB), magenta; once outside of the mask.
+        let rgba = [
+            100, 100, 100, 255, 152, 87, 152, 255, 255, 0, 255, 255, 255, 0, 255, 255,
+        ];
+        let image = Image::new(4, 1, &rgba).unwrap();
+        let mut inside = Mask::empty(4, 1);
+        for x in 0..3 {
+            inside.insert(x, 0);
+        }
+        assert_eq!(holes(image, &inside), [(1, 0), (2, 0)]);
+        assert_eq!(silhouette(image, MAGENTA).count(), 2);
+    }
+
+    #[test]
+    fn shares_of_pages_are_kept() {
+        let passed = (0..10_000).filter(|&page| unit(3, page) < 0.3).count();
+        assert!((2_800..3_200).contains(&passed));
+    }
+}

@@ -1,0 +1,172 @@
+//! A closed surface drawn over magenta shows none of it, whatever is in the cache.
+//!
+//! 26 views from 3 distances in 10 random cache states, at rest and on the way from one cut to another. The criterion is
+//! exact: every pixel that the drawn cut covers, as the CPU sees it, but for a rim of one pixel. A coarse surface may lie
+//! within the finest one, so against the exported mesh only the finest state is compared.
+
+use marquetry_engine::camera::STANDARD_VIEWS;
+use marquetry_engine::{Background, ViewerOptions, Viewport};
+use marquetry_evaluation::image::Image;
+use marquetry_tests::headless::Headless;
+use marquetry_tests::raster::{FOUR_SAMPLES, coverage};
+use marquetry_tests::stage::{MAGENTA, Stage, holes, unit};
+use marquetry_tests::{arguments, convert, data, marquetry, meshes, ply};
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use tempfile::TempDir;
+
+/// Bounding-sphere radii: close up, as a user sees it first, and far.
+const DISTANCES: [f64; 3] = [1.25, 2.5, 7.0];
+/// Part of the pages that may be fetched, by cache state: from the base alone to everything.
+const SHARES: [f64; 10] = [0.0, 0.15, 0.3, 0.45, 0.6, 0.75, 0.85, 0.92, 0.97, 1.0];
+
+fn viewport() -> Viewport {
+    Viewport::new(320, 240)
+}
+
+fn options(error_px: f64) -> ViewerOptions {
+    ViewerOptions {
+        error_px,
+        background: Background(MAGENTA),
+        ..ViewerOptions::default()
+    }
+}
+
+/// Draws all 780 pictures of a file and asserts that none has a hole.
+fn assert_no_holes(name: &str, marq: &Path) {
+    let bytes: Arc<[u8]> = std::fs::read(marq).unwrap().into();
+    let mut headless = Headless::new(viewport()).unwrap();
+    let mut pictures = 0;
+    let mut in_motion = 0;
+    let mut finer_than_base = 0;
+    for (state, share) in SHARES.into_iter().enumerate() {
+        let mut stage = Stage::open(Arc::clone(&bytes), options(1.0), viewport()).unwrap();
+        stage.let_through(share, state as u64);
+        // In an order of its own, so that each view is reached from others in each state.
+        let mut views: Vec<(usize, f64)> = (0..STANDARD_VIEWS)
+            .flat_map(|view| DISTANCES.map(|distance| (view, distance)))
+            .collect();
+        let place = |view: usize, distance: f64| {
+            unit(state as u64, (view as u64) << 32 | distance.to_bits() >> 32)
+        };
+        views.sort_by(|a, b| place(a.0, a.1).total_cmp(&place(b.0, b.1)));
+        for (view, distance) in views {
+            stage.look_from(view, distance).unwrap();
+            // Two thirds of the pictures are taken a few steps after the jump, while pages arrive and vertices move.
+            let steps = (place(view, distance) * 1e6) as usize % 12;
+            if steps < 8 {
+                for _ in 0..=steps {
+                    stage.step().unwrap();
+                }
+            } else {
+                stage.settle().unwrap();
+            }
+            let rgba = headless.draw(&mut stage.viewer).unwrap();
+            let image = Image::new(320, 240, &rgba).unwrap();
+            let inside = stage.inside(&FOUR_SAMPLES).unwrap();
+            assert!(
+                inside.count() > 100,
+                "{name}: nothing to see in view {view} from {distance}"
+            );
+            let found = holes(image, &inside);
+            assert!(
+                found.is_empty(),
+                "{name}: {} holes with {share} of the pages in view {view} from {distance} after {steps} steps, \
+                 first {:?}; {:?}",
+                found.len(),
+                found[0],
+                stage.viewer.stats()
+            );
+            pictures += 1;
+            in_motion += usize::from(!stage.viewer.drawn().morphs.is_empty());
+            finer_than_base += usize::from(stage.viewer.stats().pages.fetched > 0);
+        }
+    }
+    eprintln!(
+        "{name}: {pictures} pictures, {in_motion} in motion, {finer_than_base} beyond the base"
+    );
+    assert_eq!(pictures, STANDARD_VIEWS * DISTANCES.len() * SHARES.len());
+    assert!(
+        in_motion > pictures / 20,
+        "the test has not seen surfaces in motion"
+    );
+    assert!(
+        finer_than_base > pictures / 2,
+        "the test has not seen pages"
+    );
+}
+
+/// Draws everything there is, and asserts that the exported mesh is covered.
+fn assert_finest_covers_export(name: &str, marq: &Path) {
+    let folder = TempDir::new().unwrap();
+    let out = folder.path().join("finest.ply");
+    marquetry(&arguments!["export", marq, "-o", &out])
+        .unwrap()
+        .succeeded()
+        .unwrap();
+    let exported = ply::read(&out).unwrap();
+
+    let bytes: Arc<[u8]> = std::fs::read(marq).unwrap().into();
+    let mut headless = Headless::new(viewport()).unwrap();
+    let mut stage = Stage::open(bytes, options(0.01), viewport()).unwrap();
+    let lattice = stage.viewer.document().metadata.lattice;
+    let positions: Vec<_> = exported
+        .positions
+        .iter()
+        .map(|&world| marquetry_engine::camera::lattice_from_world(&lattice, world))
+        .collect();
+    for (view, distance) in (0..STANDARD_VIEWS).zip(DISTANCES.into_iter().cycle()) {
+        stage.look_from(view, distance).unwrap();
+        stage.settle().unwrap();
+        let rgba = headless.draw(&mut stage.viewer).unwrap();
+        let image = Image::new(320, 240, &rgba).unwrap();
+        let inside = coverage(
+            &positions,
+            &exported.triangles,
+            &stage.picture(&FOUR_SAMPLES),
+        )
+        .unwrap()
+        .eroded();
+        let found = holes(image, &inside);
+        assert!(
+            found.is_empty(),
+            "{name}: {} holes in view {view} from {distance}, first {:?}",
+            found.len(),
+            found[0]
+        );
+    }
+}
+
+fn torus(folder: &Path) -> PathBuf {
+    let input = folder.join("torus.ply");
+    ply::write(&input, &meshes::torus(400, 200)).unwrap();
+    convert(&input, &[]).unwrap().path
+}
+
+#[test]
+fn torus_has_no_holes() {
+    let folder = TempDir::new().unwrap();
+    let marq = torus(folder.path());
+    assert_no_holes("torus", &marq);
+    assert_finest_covers_export("torus", &marq);
+}
+
+#[test]
+fn dragon_has_no_holes() {
+    let Some(input) = data::find("dragon_vrip.ply") else {
+        return;
+    };
+    let marq = convert(&input, &[]).unwrap().path;
+    assert_no_holes("dragon", &marq);
+    assert_finest_covers_export("dragon", &marq);
+}
+
+#[test]
+fn armadillo_has_no_holes() {
+    let Some(input) = data::find("armadillo_86k.obj.gz") else {
+        return;
+    };
+    let marq = convert(&input, &[]).unwrap().path;
+    assert_no_holes("armadillo", &marq);
+    assert_finest_covers_export("armadillo", &marq);
+}

@@ -15,8 +15,18 @@ mod verify;
 mod voronoi;
 
 #[cfg(test)]
+#[expect(clippy::cast_possible_truncation, reason = "test meshes are small")]
 mod test_meshes;
 #[cfg(test)]
+#[expect(
+    clippy::cast_possible_truncation,
+    clippy::cast_sign_loss,
+    clippy::case_sensitive_file_extension_comparisons,
+    reason = "known files are read"
+)]
+mod test_scans;
+#[cfg(test)]
+#[expect(clippy::cast_possible_truncation, reason = "test meshes are small")]
 mod tests;
 
 pub use verify::{Violation, verify};
@@ -63,7 +73,11 @@ pub fn segment(mesh: &ManifoldMesh, target_regions: u32) -> Segmentation {
     for label in &mut labels.of {
         *label = if *label == NONE { 0 } else { *label };
     }
-    let segmentation = Segmentation { labels: labels.of, regions: labels.count, crossings };
+    let segmentation = Segmentation {
+        labels: labels.of,
+        regions: labels.count,
+        crossings,
+    };
     if let Err(violation) = verify(mesh, &segmentation) {
         tracing::error!(%violation, "the mesh is not a simplicial manifold");
     }
@@ -96,15 +110,26 @@ impl Labels {
 
 /// Every component's share of the target, by area.
 fn goals(surface: &Surface, target_regions: u32) -> Vec<Goal> {
-    let areas: Vec<f64> = (0..surface.components.len()).map(|component| surface.area(component)).collect();
+    let areas: Vec<f64> = (0..surface.components.len())
+        .map(|component| surface.area(component))
+        .collect();
     let total: f64 = areas.iter().sum();
     areas
         .iter()
         .map(|&area| {
-            #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "at most the u32 target")]
-            let regions = (f64::from(target_regions) * (area / total)).round().max(1.0) as usize;
+            #[expect(
+                clippy::cast_possible_truncation,
+                clippy::cast_sign_loss,
+                reason = "at most the u32 target"
+            )]
+            let regions = (f64::from(target_regions) * (area / total))
+                .round()
+                .max(1.0) as usize;
             // No closed surface has fewer than four regions, no disk fewer than three.
-            Goal { regions, mean_area: area / regions.max(4) as f64 }
+            Goal {
+                regions,
+                mean_area: area / regions.max(4) as f64,
+            }
         })
         .collect()
 }
@@ -130,7 +155,8 @@ fn merge_vertices(surface: &Surface, goals: &[Goal]) -> Labels {
         complex.push(members.iter().copied());
     }
     let mut partition = Partition::new(complex, surface.cells.clone());
-    for ((members, virtuals), &goal) in surface.components.iter().zip(loops_of(surface)).zip(goals) {
+    for ((members, virtuals), &goal) in surface.components.iter().zip(loops_of(surface)).zip(goals)
+    {
         partition.reduce(members.clone(), virtuals, goal);
     }
     let mut of = partition.into_holders();
@@ -144,12 +170,18 @@ fn merge_vertices(surface: &Surface, goals: &[Goal]) -> Labels {
 
 /// Valid cells around the regions' centres. A component that stays invalid keeps `labels`.
 fn straighten(mesh: &ManifoldMesh, surface: &Surface, labels: &Labels) -> Voronoi {
-    let mut voronoi = Voronoi::of(surface, &voronoi::centres(surface, &labels.of, labels.count));
+    let mut voronoi = Voronoi::of(
+        surface,
+        &voronoi::centres(surface, &labels.of, labels.count),
+    );
     let stubborn = repair::repair(mesh, surface, &mut voronoi);
     if stubborn.is_empty() {
         return voronoi;
     }
-    tracing::warn!(components = stubborn.len(), "components keep ragged borders");
+    tracing::warn!(
+        components = stubborn.len(),
+        "components keep ragged borders"
+    );
     let first = id(voronoi.seeds.len());
     for v in 0..labels.of.len() {
         if stubborn.binary_search(&surface.component_of[v]).is_ok() {
@@ -161,11 +193,24 @@ fn straighten(mesh: &ManifoldMesh, surface: &Surface, labels: &Labels) -> Vorono
     voronoi
 }
 
-fn merge_cells(mesh: &ManifoldMesh, surface: &Surface, voronoi: &Voronoi, goals: &[Goal]) -> Labels {
-    let cells = Labels::numbered(voronoi.labels.clone(), voronoi.labels.len() + voronoi.seeds.len());
+fn merge_cells(
+    mesh: &ManifoldMesh,
+    surface: &Surface,
+    voronoi: &Voronoi,
+    goals: &[Goal],
+) -> Labels {
+    let cells = Labels::numbered(
+        voronoi.labels.clone(),
+        voronoi.labels.len() + voronoi.seeds.len(),
+    );
     let mut means = vec![Cell::default(); cells.count as usize];
     let mut members = vec![Vec::new(); surface.components.len()];
-    for (v, &label) in cells.of.iter().enumerate().filter(|&(_, &label)| label != NONE) {
+    for (v, &label) in cells
+        .of
+        .iter()
+        .enumerate()
+        .filter(|&(_, &label)| label != NONE)
+    {
         let mean = &mut means[label as usize];
         if mean.area > 0.0 {
             *mean = mean.merged(surface.cells[v]);
@@ -179,7 +224,17 @@ fn merge_cells(mesh: &ManifoldMesh, surface: &Surface, voronoi: &Voronoi, goals:
         partition.reduce(members, virtuals, goal);
     }
     let holders = partition.into_holders();
-    let of = cells.of.iter().map(|&label| if label == NONE { NONE } else { holders[label as usize] }).collect();
+    let of = cells
+        .of
+        .iter()
+        .map(|&label| {
+            if label == NONE {
+                NONE
+            } else {
+                holders[label as usize]
+            }
+        })
+        .collect();
     Labels::numbered(of, holders.len())
 }
 

@@ -23,7 +23,10 @@ pub(super) struct Complex {
 }
 
 /// An index as an id. Every count here is below the number of half-edges, which are `u32` by [`crate::mesh::ManifoldMesh`].
-#[expect(clippy::cast_possible_truncation, reason = "counts are bounded by the u32 half-edge ids")]
+#[expect(
+    clippy::cast_possible_truncation,
+    reason = "counts are bounded by the u32 half-edge ids"
+)]
 pub(super) fn id(index: usize) -> u32 {
     index as u32
 }
@@ -34,7 +37,11 @@ impl Complex {
         let start = id(self.pool.len());
         self.pool.extend(neighbours);
         let len = id(self.pool.len()) - start;
-        self.spans.push(Span { start, len, capacity: len });
+        self.spans.push(Span {
+            start,
+            len,
+            capacity: len,
+        });
     }
 
     /// Neighbours of `v`, in no order.
@@ -70,7 +77,11 @@ impl Complex {
     pub(super) fn contract(&mut self, keep: u32, gone: u32, common: [u32; 2]) {
         let mut gained = std::mem::take(&mut self.gained);
         gained.clear();
-        gained.extend(self.neighbours(gone).iter().filter(|&&w| w != keep && !common.contains(&w)));
+        gained.extend(
+            self.neighbours(gone)
+                .iter()
+                .filter(|&&w| w != keep && !common.contains(&w)),
+        );
         for &w in &gained {
             if let Some(slot) = self.slots(w).iter_mut().find(|slot| **slot == gone) {
                 *slot = keep;

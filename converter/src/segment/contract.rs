@@ -86,7 +86,12 @@ impl Partition {
     pub(super) fn new(complex: Complex, cells: Vec<Cell>) -> Self {
         let into = (0..id(cells.len())).collect();
         let version = vec![0; cells.len()];
-        Self { complex, cells, into, version }
+        Self {
+            complex,
+            cells,
+            into,
+            version,
+        }
     }
 
     /// Cell that holds each original cell.
@@ -114,7 +119,11 @@ impl Partition {
                 break;
             }
         }
-        let caps = |degree, area, small_only| Caps { degree, area, small_only };
+        let caps = |degree, area, small_only| Caps {
+            degree,
+            area,
+            small_only,
+        };
         let n = goal.regions;
         let stages = [
             (n * 4, n * 4, caps(24, 1.0, false)),
@@ -152,7 +161,9 @@ impl Partition {
                 }
             }
             partners.sort_unstable();
-            let found = partners.iter().find_map(|&(_, v)| self.complex.link(u, v).map(|common| (v, common)));
+            let found = partners
+                .iter()
+                .find_map(|&(_, v)| self.complex.link(u, v).map(|common| (v, common)));
             if let Some((v, common)) = found {
                 self.merge(u, v, common);
                 taken[u as usize] = true;
@@ -164,7 +175,14 @@ impl Partition {
     }
 
     /// Cheapest merges within `caps` until `stop` members are left or no merge is.
-    fn drain(&mut self, members: &mut Vec<u32>, virtuals: usize, stop: usize, caps: Caps, goal: Goal) {
+    fn drain(
+        &mut self,
+        members: &mut Vec<u32>,
+        virtuals: usize,
+        stop: usize,
+        caps: Caps,
+        goal: Goal,
+    ) {
         let mut heap = BinaryHeap::new();
         for &u in &*members {
             for &v in self.complex.neighbours(u) {
@@ -176,7 +194,14 @@ impl Partition {
         let mut left = members.len();
         // A tetrahedron is the smallest closed surface.
         while left > stop && left + virtuals > 4 {
-            let Some(Reverse(Merge { cells: [u, v], versions, .. })) = heap.pop() else { break };
+            let Some(Reverse(Merge {
+                cells: [u, v],
+                versions,
+                ..
+            })) = heap.pop()
+            else {
+                break;
+            };
             if self.into[u as usize] != u
                 || self.into[v as usize] != v
                 || self.versions(u, v) != versions
@@ -184,7 +209,9 @@ impl Partition {
             {
                 continue;
             }
-            let Some(common) = self.complex.link(u, v) else { continue };
+            let Some(common) = self.complex.link(u, v) else {
+                continue;
+            };
             self.merge(u, v, common);
             left -= 1;
             for &w in self.complex.neighbours(u) {
@@ -222,10 +249,15 @@ impl Partition {
             return None;
         }
         let (p, q) = (self.cells[u as usize].area, self.cells[v as usize].area);
-        let allowed = p + q <= caps.area * goal.mean_area && (!caps.small_only || p.min(q) < SMALL * goal.mean_area);
+        let allowed = p + q <= caps.area * goal.mean_area
+            && (!caps.small_only || p.min(q) < SMALL * goal.mean_area);
         // Degrees are looked at when the merge is due; by then they may have fallen.
         allowed.then(|| {
-            Reverse(Merge { cost: self.cost(u, v, goal), cells: [u.min(v), u.max(v)], versions: self.versions(u, v) })
+            Reverse(Merge {
+                cost: self.cost(u, v, goal),
+                cells: [u.min(v), u.max(v)],
+                versions: self.versions(u, v),
+            })
         })
     }
 
@@ -233,10 +265,14 @@ impl Partition {
     fn cost(&self, u: u32, v: u32, goal: Goal) -> u32 {
         let (p, q) = (&self.cells[u as usize], &self.cells[v as usize]);
         let weight = p.area / (p.area + q.area) * q.area / goal.mean_area;
-        let apart = p.centroid.distance_squared(q.centroid) / goal.mean_area + p.normal.distance_squared(q.normal);
+        let apart = p.centroid.distance_squared(q.centroid) / goal.mean_area
+            + p.normal.distance_squared(q.normal);
         // Beyond 60 degrees between mean normals there is a crease between the two, or both are crumpled.
         let crease = 1.0 + 2.0 * (0.5 - p.normal.dot(q.normal)).max(0.0);
-        #[expect(clippy::cast_possible_truncation, reason = "infinity is as good as any cost beyond f32")]
+        #[expect(
+            clippy::cast_possible_truncation,
+            reason = "infinity is as good as any cost beyond f32"
+        )]
         let cost = (weight * apart * crease) as f32;
         cost.max(0.0).to_bits()
     }

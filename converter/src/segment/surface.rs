@@ -47,12 +47,17 @@ impl Surface {
 
     /// Length of the edge `u`–`v`.
     pub(super) fn length(&self, u: u32, v: u32) -> f64 {
-        self.cells[u as usize].centroid.distance(self.cells[v as usize].centroid)
+        self.cells[u as usize]
+            .centroid
+            .distance(self.cells[v as usize].centroid)
     }
 
     /// Area of all vertices of a component.
     pub(super) fn area(&self, component: usize) -> f64 {
-        self.components[component].iter().map(|&v| self.cells[v as usize].area).sum()
+        self.components[component]
+            .iter()
+            .map(|&v| self.cells[v as usize].area)
+            .sum()
     }
 
     fn find_components(&mut self) {
@@ -76,7 +81,8 @@ impl Surface {
                 }
             }
             members.sort_unstable();
-            self.components.push(members.into_iter().map(|(_, v)| v).collect());
+            self.components
+                .push(members.into_iter().map(|(_, v)| v).collect());
         }
     }
 }
@@ -85,9 +91,10 @@ impl Surface {
 fn edges(mesh: &ManifoldMesh) -> (Vec<u32>, Vec<u32>) {
     let count = mesh.positions.len();
     let ends = || {
-        mesh.triangles.iter().zip(mesh.twins.chunks_exact(3)).flat_map(|(t, twins)| {
-            (0..3).map(move |k| (t[k], t[(k + 1) % 3], twins[k] == NONE))
-        })
+        mesh.triangles
+            .iter()
+            .zip(mesh.twins.chunks_exact(3))
+            .flat_map(|(t, twins)| (0..3).map(move |k| (t[k], t[(k + 1) % 3], twins[k] == NONE)))
     };
     let mut slots = vec![0_u32; count + 1];
     for (u, v, open) in ends() {
@@ -153,10 +160,20 @@ fn boundary(mesh: &ManifoldMesh) -> (Vec<u32>, Vec<Vec<u32>>) {
 }
 
 fn cells(mesh: &ManifoldMesh) -> Vec<Cell> {
-    let low = mesh.positions.iter().fold(DVec3::INFINITY, |a, &b| a.min(b));
-    let high = mesh.positions.iter().fold(DVec3::NEG_INFINITY, |a, &b| a.max(b));
+    let low = mesh
+        .positions
+        .iter()
+        .fold(DVec3::INFINITY, |a, &b| a.min(b));
+    let high = mesh
+        .positions
+        .iter()
+        .fold(DVec3::NEG_INFINITY, |a, &b| a.max(b));
     let size = (high - low).max_element();
-    let unit = if size > 0.0 && size.is_finite() { size.recip() } else { 1.0 };
+    let unit = if size > 0.0 && size.is_finite() {
+        size.recip()
+    } else {
+        1.0
+    };
     let mut cells: Vec<Cell> = mesh
         .positions
         .iter()
@@ -186,7 +203,11 @@ fn cells(mesh: &ManifoldMesh) -> Vec<Cell> {
 
 /// Interleaves 20 bits of each coordinate of a point of the unit cube.
 fn morton(p: DVec3) -> u64 {
-    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "the cast saturates, as wanted")]
+    #[expect(
+        clippy::cast_possible_truncation,
+        clippy::cast_sign_loss,
+        reason = "the cast saturates, as wanted"
+    )]
     let spread = |x: f64| {
         let mut bits = (x * 1_048_575.0) as u64 & 0xf_ffff;
         bits = (bits | bits << 32) & 0x001f_0000_0000_ffff;

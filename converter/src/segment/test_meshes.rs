@@ -1,10 +1,8 @@
-//! Meshes to segment: generated ones, and readers just good enough for the scans that tests use.
+//! Generated meshes to segment.
 
 use crate::mesh::{ManifoldMesh, NONE};
 use glam::DVec3;
-use std::collections::HashMap;
-use std::io::Read;
-use std::path::PathBuf;
+use std::collections::{HashMap, HashSet};
 
 /// xorshift64*.
 pub(super) struct Random(u64);
@@ -35,12 +33,20 @@ pub(super) struct Soup {
 
 impl Soup {
     /// `columns` × `rows` vertices placed by `at(u, v)` with u, v in 0..=1 (open) or 0..1 (wrapped).
-    pub(super) fn grid(columns: u32, rows: u32, wrap: [bool; 2], at: impl Fn(f64, f64) -> DVec3) -> Self {
+    pub(super) fn grid(
+        columns: u32,
+        rows: u32,
+        wrap: [bool; 2],
+        at: impl Fn(f64, f64) -> DVec3,
+    ) -> Self {
         let mut soup = Self::default();
         let span = |count: u32, wrapped: bool| f64::from(if wrapped { count } else { count - 1 });
         for j in 0..rows {
             for i in 0..columns {
-                soup.positions.push(at(f64::from(i) / span(columns, wrap[0]), f64::from(j) / span(rows, wrap[1])));
+                soup.positions.push(at(
+                    f64::from(i) / span(columns, wrap[0]),
+                    f64::from(j) / span(rows, wrap[1]),
+                ));
             }
         }
         for j in 0..rows - u32::from(!wrap[1]) {
@@ -54,7 +60,9 @@ impl Soup {
     }
 
     pub(super) fn disk(columns: u32, rows: u32) -> Self {
-        Self::grid(columns, rows, [false; 2], |u, v| DVec3::new(u, v * f64::from(rows) / f64::from(columns), 0.0))
+        Self::grid(columns, rows, [false; 2], |u, v| {
+            DVec3::new(u, v * f64::from(rows) / f64::from(columns), 0.0)
+        })
     }
 
     pub(super) fn torus(columns: u32, rows: u32, thin: f64) -> Self {
@@ -77,7 +85,8 @@ impl Soup {
                 soup.positions.push(DVec3::new(0.0, 0.0, z));
                 for i in 0..around {
                     let (a, b) = (ring + i, ring + (i + 1) % around);
-                    soup.triangles.push(if flip { [pole, b, a] } else { [pole, a, b] });
+                    soup.triangles
+                        .push(if flip { [pole, b, a] } else { [pole, a, b] });
                 }
             }
         }
@@ -90,7 +99,11 @@ impl Soup {
         for p in &mut soup.positions {
             let angle = std::f64::consts::PI * (p.z.clamp(-0.5, 1.5) + 0.5) / 2.0;
             let around = p.y.atan2(p.x);
-            let ring = if p.x == 0.0 && p.y == 0.0 { 0.0 } else { angle.sin().max(0.05) };
+            let ring = if p.x == 0.0 && p.y == 0.0 {
+                0.0
+            } else {
+                angle.sin().max(0.05)
+            };
             *p = DVec3::new(ring * around.cos(), ring * around.sin(), -angle.cos());
         }
         soup
@@ -105,29 +118,44 @@ impl Soup {
 
     pub(super) fn append(&mut self, other: &Self, offset: DVec3) {
         let first = self.positions.len() as u32;
-        self.positions.extend(other.positions.iter().map(|&p| p + offset));
-        self.triangles.extend(other.triangles.iter().map(|t| t.map(|v| v + first)));
+        self.positions
+            .extend(other.positions.iter().map(|&p| p + offset));
+        self.triangles
+            .extend(other.triangles.iter().map(|t| t.map(|v| v + first)));
     }
 
     /// Flips random edges where that keeps the surface simplicial.
     pub(super) fn flipped(mut self, random: &mut Random, tries: usize) -> Self {
         for _ in 0..tries {
-            let opposite: HashMap<(u32, u32), usize> =
-                self.triangles.iter().enumerate().flat_map(|(i, t)| (0..3).map(move |k| ((t[k], t[(k + 1) % 3]), i))).collect();
+            let opposite: HashMap<(u32, u32), usize> = self
+                .triangles
+                .iter()
+                .enumerate()
+                .flat_map(|(i, t)| (0..3).map(move |k| ((t[k], t[(k + 1) % 3]), i)))
+                .collect();
             let mut touched = vec![false; self.triangles.len()];
             for _ in 0..self.triangles.len() / 4 {
                 let i = random.below(self.triangles.len());
                 let (k, t) = (random.below(3), self.triangles[i]);
                 let (u, v, a) = (t[k], t[(k + 1) % 3], t[(k + 2) % 3]);
-                let Some(&j) = opposite.get(&(v, u)) else { continue };
-                let b = self.triangles[j].into_iter().find(|&w| w != u && w != v).unwrap();
+                let Some(&j) = opposite.get(&(v, u)) else {
+                    continue;
+                };
+                let b = self.triangles[j]
+                    .into_iter()
+                    .find(|&w| w != u && w != v)
+                    .unwrap();
                 if touched[i] || touched[j] || a == b {
                     continue;
                 }
                 // A pass flips edges far from each other: what changed is not in `opposite`.
                 let near = |w: u32| [u, v, a, b].contains(&w);
                 let degree = |w: u32| self.triangles.iter().filter(|t| t.contains(&w)).count();
-                if opposite.contains_key(&(a, b)) || opposite.contains_key(&(b, a)) || degree(u) < 5 || degree(v) < 5 {
+                if opposite.contains_key(&(a, b))
+                    || opposite.contains_key(&(b, a))
+                    || degree(u) < 5
+                    || degree(v) < 5
+                {
                     continue;
                 }
                 for (n, t) in self.triangles.iter().enumerate() {
@@ -142,16 +170,29 @@ impl Soup {
 
     /// Removes the triangles around random vertices that share no triangle with each other or the border.
     pub(super) fn pierced(mut self, random: &mut Random, holes: usize) -> Self {
-        let directed: std::collections::HashSet<(u32, u32)> =
-            self.triangles.iter().flat_map(|t| (0..3).map(move |k| (t[k], t[(k + 1) % 3]))).collect();
+        let directed: HashSet<(u32, u32)> = self
+            .triangles
+            .iter()
+            .flat_map(|t| (0..3).map(move |k| (t[k], t[(k + 1) % 3])))
+            .collect();
         let mut busy = vec![false; self.positions.len()];
-        for &(u, v) in directed.iter().filter(|&&(u, v)| !directed.contains(&(v, u))) {
-            busy[u as usize] = true;
-            busy[v as usize] = true;
+        for t in &self.triangles {
+            for (u, v) in [(t[0], t[1]), (t[1], t[2]), (t[2], t[0])] {
+                if !directed.contains(&(v, u)) {
+                    busy[u as usize] = true;
+                    busy[v as usize] = true;
+                }
+            }
         }
         for _ in 0..holes {
             let v = random.below(self.positions.len()) as u32;
-            let star: Vec<u32> = self.triangles.iter().filter(|t| t.contains(&v)).flatten().copied().collect();
+            let star: Vec<u32> = self
+                .triangles
+                .iter()
+                .filter(|t| t.contains(&v))
+                .flatten()
+                .copied()
+                .collect();
             if star.is_empty() || star.iter().any(|&w| busy[w as usize]) {
                 continue;
             }
@@ -178,13 +219,21 @@ impl Soup {
             .positions
             .iter()
             .map(|&p| {
-                *ids.entry((p + 0.0).to_array().map(f64::to_bits)).or_insert_with(|| {
-                    positions.push(p);
-                    positions.len() as u32 - 1
-                })
+                *ids.entry((p + 0.0).to_array().map(f64::to_bits))
+                    .or_insert_with(|| {
+                        positions.push(p);
+                        positions.len() as u32 - 1
+                    })
             })
             .collect();
-        Self { positions, triangles: self.triangles.iter().map(|t| t.map(|v| into[v as usize])).collect() }
+        Self {
+            positions,
+            triangles: self
+                .triangles
+                .iter()
+                .map(|t| t.map(|v| into[v as usize]))
+                .collect(),
+        }
     }
 
     /// Drops triangles that make a degenerate or third-sided edge, splits fans.
@@ -193,7 +242,10 @@ impl Soup {
         let mut triangles = Vec::new();
         for &t in &self.triangles {
             let edges = [(t[0], t[1]), (t[1], t[2]), (t[2], t[0])];
-            if edges.iter().any(|edge| edge.0 == edge.1 || directed.contains_key(edge)) {
+            if edges
+                .iter()
+                .any(|edge| edge.0 == edge.1 || directed.contains_key(edge))
+            {
                 continue;
             }
             for (k, edge) in edges.into_iter().enumerate() {
@@ -202,10 +254,18 @@ impl Soup {
             triangles.push(t);
         }
         let mut twins = vec![NONE; triangles.len() * 3];
-        for (&(u, v), &h) in &directed {
-            twins[h as usize] = directed.get(&(v, u)).copied().unwrap_or(NONE);
+        for (h, twin) in twins.iter_mut().enumerate() {
+            let t = triangles[h / 3];
+            *twin = directed
+                .get(&(t[next(h) % 3], t[h % 3]))
+                .copied()
+                .unwrap_or(NONE);
         }
-        let mut mesh = ManifoldMesh { triangles, twins, ..ManifoldMesh::default() };
+        let mut mesh = ManifoldMesh {
+            triangles,
+            twins,
+            ..ManifoldMesh::default()
+        };
         let mut done = vec![false; mesh.twins.len()];
         let old = mesh.triangles.clone();
         for corner in 0..done.len() {
@@ -249,126 +309,4 @@ impl Soup {
 
 fn next(h: usize) -> usize {
     if h % 3 == 2 { h - 2 } else { h + 1 }
-}
-
-/// Bytes of a file in `../shared/data`, unpacked; where absent says so.
-fn data(name: &str) -> Option<Vec<u8>> {
-    let path = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../../shared/data").join(name);
-    let Ok(bytes) = std::fs::read(&path) else {
-        eprintln!("ignored: {} is not there", path.display());
-        return None;
-    };
-    if !name.ends_with(".gz") {
-        return Some(bytes);
-    }
-    let mut plain = Vec::new();
-    flate2::read::GzDecoder::new(&bytes[..]).read_to_end(&mut plain).unwrap();
-    Some(plain)
-}
-
-fn triangulate(polygon: &[u32], triangles: &mut Vec<[u32; 3]>) {
-    triangles.extend(polygon.windows(2).skip(1).map(|two| [polygon[0], two[0], two[1]]));
-}
-
-/// A scan as manifold mesh, or `None` where the data is absent.
-pub(super) fn scan(name: &str) -> Option<ManifoldMesh> {
-    let bytes = data(name)?;
-    let soup = if name.contains(".obj") {
-        read_obj(&bytes)
-    } else if name.contains(".off") {
-        read_off(&bytes)
-    } else {
-        read_ply(&bytes)
-    };
-    Some(soup.welded().manifold())
-}
-
-fn read_obj(bytes: &[u8]) -> Soup {
-    let mut soup = Soup::default();
-    for line in std::str::from_utf8(bytes).unwrap().lines() {
-        let mut words = line.split_whitespace();
-        match words.next() {
-            Some("v") => {
-                let x: Vec<f64> = words.map(|word| word.parse().unwrap()).collect();
-                soup.positions.push(DVec3::new(x[0], x[1], x[2]));
-            }
-            Some("f") => {
-                let polygon: Vec<u32> =
-                    words.map(|word| word.split('/').next().unwrap().parse::<u32>().unwrap() - 1).collect();
-                triangulate(&polygon, &mut soup.triangles);
-            }
-            _ => {}
-        }
-    }
-    soup
-}
-
-fn read_off(bytes: &[u8]) -> Soup {
-    let text = std::str::from_utf8(bytes).unwrap();
-    let mut numbers = text
-        .lines()
-        .filter(|line| !line.starts_with('#'))
-        .flat_map(str::split_whitespace)
-        .filter_map(|word| word.parse::<f64>().ok());
-    let mut number = || numbers.next().unwrap();
-    let (vertices, faces, _) = (number(), number(), number());
-    let mut soup = Soup::default();
-    for _ in 0..vertices as usize {
-        soup.positions.push(DVec3::new(number(), number(), number()));
-    }
-    for _ in 0..faces as usize {
-        let polygon: Vec<u32> = (0..number() as usize).map(|_| number() as u32).collect();
-        triangulate(&polygon, &mut soup.triangles);
-    }
-    soup
-}
-
-/// Vertices that start with three floats (all properties of 4 bytes when binary), faces as a byte count and ints.
-fn read_ply(bytes: &[u8]) -> Soup {
-    let end = bytes.windows(11).position(|w| w == b"end_header\n").unwrap() + 11;
-    let header = std::str::from_utf8(&bytes[..end]).unwrap();
-    let count = |what: &str| -> usize {
-        let line = header.lines().find(|line| line.starts_with(what)).unwrap();
-        line.split_whitespace().last().unwrap().parse().unwrap()
-    };
-    let (vertices, faces) = (count("element vertex"), count("element face"));
-    let properties = header
-        .lines()
-        .skip_while(|line| !line.starts_with("element vertex"))
-        .skip(1)
-        .take_while(|line| line.starts_with("property"))
-        .count();
-    let mut soup = Soup::default();
-    if header.contains("ascii") {
-        let mut words = std::str::from_utf8(&bytes[end..]).unwrap().split_whitespace();
-        let mut number = || words.next().unwrap().parse::<f64>().unwrap();
-        for _ in 0..vertices {
-            soup.positions.push(DVec3::new(number(), number(), number()));
-            for _ in 3..properties {
-                number();
-            }
-        }
-        for _ in 0..faces {
-            let polygon: Vec<u32> = (0..number() as usize).map(|_| number() as u32).collect();
-            triangulate(&polygon, &mut soup.triangles);
-        }
-        return soup;
-    }
-    let big = header.contains("big_endian");
-    let word = |at: usize| -> u32 {
-        let four: [u8; 4] = bytes[at..at + 4].try_into().unwrap();
-        if big { u32::from_be_bytes(four) } else { u32::from_le_bytes(four) }
-    };
-    for v in 0..vertices {
-        let at = end + v * properties * 4;
-        soup.positions.push(DVec3::from_array([0, 4, 8].map(|k| f64::from(f32::from_bits(word(at + k))))));
-    }
-    let mut at = end + vertices * properties * 4;
-    for _ in 0..faces {
-        let corners = usize::from(bytes[at]);
-        let polygon: Vec<u32> = (0..corners).map(|k| word(at + 1 + k * 4)).collect();
-        triangulate(&polygon, &mut soup.triangles);
-        at += 1 + corners * 4;
-    }
-    soup
 }

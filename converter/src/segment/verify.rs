@@ -28,13 +28,19 @@ pub enum Violation {
         /// Its label.
         label: u32,
     },
-    /// The region's cell is not a disk.
-    #[error("region {region} has {pieces} pieces and Euler characteristic {characteristic}, not 1 and 1")]
-    NotADisk {
+    /// A region that is empty or not connected.
+    #[error("region {region} has {pieces} pieces, not 1")]
+    Pieces {
         /// The region.
         region: u32,
         /// Its connected pieces.
         pieces: u32,
+    },
+    /// The region's cell is not a disk.
+    #[error("region {region} has Euler characteristic {characteristic}, not 1")]
+    NotADisk {
+        /// The region.
+        region: u32,
         /// Euler characteristic of its cell.
         characteristic: i64,
     },
@@ -73,9 +79,16 @@ pub enum Violation {
 /// # Errors
 /// The first [`Violation`] found.
 pub fn verify(mesh: &ManifoldMesh, segmentation: &Segmentation) -> Result<(), Violation> {
-    let Segmentation { labels, regions, crossings } = segmentation;
+    let Segmentation {
+        labels,
+        regions,
+        crossings,
+    } = segmentation;
     if labels.len() != mesh.positions.len() || crossings.len() != mesh.triangles.len() * 3 {
-        return Err(Violation::Size { labels: labels.len(), crossings: crossings.len() });
+        return Err(Violation::Size {
+            labels: labels.len(),
+            crossings: crossings.len(),
+        });
     }
     for &vertex in mesh.triangles.as_flattened() {
         let label = labels[vertex as usize];
@@ -83,14 +96,27 @@ pub fn verify(mesh: &ManifoldMesh, segmentation: &Segmentation) -> Result<(), Vi
             return Err(Violation::Label { vertex, label });
         }
     }
-    if let Some(&fault) = faults(mesh, &loops(mesh), labels, *regions).first() {
+    for (region, pieces) in pieces(mesh, labels, *regions).into_iter().enumerate() {
+        if pieces != 1 {
+            return Err(Violation::Pieces {
+                region: id(region),
+                pieces,
+            });
+        }
+    }
+    if let Some(&fault) = faults(mesh, &loops(mesh), labels, &vec![true; *regions as usize]).first()
+    {
         return Err(fault);
     }
     for (h, &f) in crossings.iter().enumerate() {
         let twin = mesh.twins[h];
         let agrees = twin == NONE || (f + crossings[twin as usize] - 1.0).abs() < 1e-6;
         let [u, v] = ends(mesh, h);
-        let in_range = if labels[u as usize] == labels[v as usize] { f.to_bits() == 0.5_f32.to_bits() } else { (0.05..=0.95).contains(&f) };
+        let in_range = if labels[u as usize] == labels[v as usize] {
+            f.to_bits() == 0.5_f32.to_bits()
+        } else {
+            (0.05..=0.95).contains(&f)
+        };
         if !agrees || !in_range {
             return Err(Violation::Crossing { half_edge: id(h) });
         }
@@ -108,7 +134,12 @@ fn ends(mesh: &ManifoldMesh, h: usize) -> [u32; 2] {
 fn loops(mesh: &ManifoldMesh) -> Vec<u32> {
     let mut sets = Sets::new(mesh.positions.len());
     let mut open = vec![false; mesh.positions.len()];
-    for (h, _) in mesh.twins.iter().enumerate().filter(|&(_, &twin)| twin == NONE) {
+    for (h, _) in mesh
+        .twins
+        .iter()
+        .enumerate()
+        .filter(|&(_, &twin)| twin == NONE)
+    {
         let [u, v] = ends(mesh, h);
         sets.join(u, v);
         open[u as usize] = true;
@@ -128,35 +159,66 @@ fn loops(mesh: &ManifoldMesh) -> Vec<u32> {
     loop_of
 }
 
-/// All topological violations. `loop_of` gives every vertex its boundary loop or [`NONE`].
-pub(super) fn faults(mesh: &ManifoldMesh, loop_of: &[u32], labels: &[u32], regions: u32) -> Vec<Violation> {
-    let label = |v: u32| labels[v as usize];
-    let loop_count = loop_of.iter().filter(|&&l| l != NONE).max().map_or(0, |l| l + 1);
-    let mut characteristic = vec![0_i64; regions as usize];
-    let mut pieces = vec![0_u32; regions as usize];
+/// Connected pieces of every region.
+pub(super) fn pieces(mesh: &ManifoldMesh, labels: &[u32], regions: u32) -> Vec<u32> {
+    let mut pieces = vec![0; regions as usize];
     let mut used = vec![false; labels.len()];
     let mut sets = Sets::new(labels.len());
+    for &v in mesh.triangles.as_flattened() {
+        if !std::mem::replace(&mut used[v as usize], true) {
+            pieces[labels[v as usize] as usize] += 1;
+        }
+    }
+    for t in &mesh.triangles {
+        for (u, v) in [(t[0], t[1]), (t[1], t[2]), (t[2], t[0])] {
+            let label = labels[u as usize];
+            if label == labels[v as usize] && sets.join(u, v) {
+                pieces[label as usize] -= 1;
+            }
+        }
+    }
+    pieces
+}
+
+/// Violations of what connected regions promise, as far as a `watched` region is involved. `loop_of` gives every vertex its
+/// boundary loop or [`NONE`].
+pub(super) fn faults(
+    mesh: &ManifoldMesh,
+    loop_of: &[u32],
+    labels: &[u32],
+    watched: &[bool],
+) -> Vec<Violation> {
+    let regions = id(watched.len());
+    let loop_count = loop_of
+        .iter()
+        .filter(|&&l| l != NONE)
+        .max()
+        .map_or(0, |l| l + 1);
+    let mut characteristic = vec![0_i64; watched.len()];
+    let mut used = vec![false; labels.len()];
     let mut pairs = Vec::new();
     let mut triples = Vec::new();
     let mut add_pair = |a: u32, b: u32| pairs.push([a.min(b), a.max(b)]);
     for (t, twins) in mesh.triangles.iter().zip(mesh.twins.chunks_exact(3)) {
-        let l = t.map(label);
+        let l = t.map(|v| labels[v as usize]);
+        if !l.iter().any(|&label| watched[label as usize]) {
+            continue;
+        }
         for k in 0..3 {
-            let (u, v, twin) = (t[k], t[(k + 1) % 3], twins[k]);
+            let (u, v, open) = (t[k], t[(k + 1) % 3], twins[k] == NONE);
             let (a, b) = (l[k], l[(k + 1) % 3]);
             if !std::mem::replace(&mut used[u as usize], true) {
                 characteristic[a as usize] += 1;
-                pieces[a as usize] += 1;
                 if loop_of[u as usize] != NONE {
                     add_pair(a, regions + loop_of[u as usize]);
                 }
             }
             if a != b {
                 add_pair(a, b);
-                if twin == NONE {
+                if open {
                     triples.push([a, b, regions + loop_of[u as usize]]);
                 }
-            } else if twin == NONE || u < v {
+            } else if open || u < v {
                 // An inner edge is seen from both sides, in opposite directions.
                 characteristic[a as usize] -= 1;
             }
@@ -167,25 +229,28 @@ pub(super) fn faults(mesh: &ManifoldMesh, loop_of: &[u32], labels: &[u32], regio
             triples.push(l);
         }
     }
-    for t in &mesh.triangles {
-        for (u, v) in [(t[0], t[1]), (t[1], t[2]), (t[2], t[0])] {
-            if label(u) == label(v) && sets.join(u, v) {
-                pieces[label(u) as usize] -= 1;
-            }
-        }
-    }
     let mut faults = Vec::new();
-    for (region, (&pieces, &characteristic)) in pieces.iter().zip(&characteristic).enumerate() {
-        if pieces != 1 || characteristic != 1 {
-            faults.push(Violation::NotADisk { region: id(region), pieces, characteristic });
+    for (region, &characteristic) in characteristic.iter().enumerate() {
+        if watched[region] && characteristic != 1 {
+            faults.push(Violation::NotADisk {
+                region: id(region),
+                characteristic,
+            });
         }
     }
-    meetings(pairs, triples, (regions + loop_count) as usize, &mut faults);
+    meetings(pairs, triples, loop_count, watched, &mut faults);
     faults
 }
 
 /// Checks how regions meet: `pairs` at edges, `triples` in triangles.
-fn meetings(mut pairs: Vec<[u32; 2]>, mut triples: Vec<[u32; 3]>, count: usize, faults: &mut Vec<Violation>) {
+fn meetings(
+    mut pairs: Vec<[u32; 2]>,
+    mut triples: Vec<[u32; 3]>,
+    loop_count: u32,
+    watched: &[bool],
+    faults: &mut Vec<Violation>,
+) {
+    let is_watched = |region: u32| watched.get(region as usize).copied().unwrap_or(false);
     for t in &mut triples {
         t.sort_unstable();
     }
@@ -195,27 +260,38 @@ fn meetings(mut pairs: Vec<[u32; 2]>, mut triples: Vec<[u32; 3]>, count: usize, 
             faults.push(Violation::Triple { regions: two[0] });
         }
     }
-    let mut arc_ends: Vec<[u32; 2]> = triples.iter().flat_map(|&[a, b, c]| [[a, b], [a, c], [b, c]]).collect();
+    // A loop is beside regions that were not looked at unless all were.
+    let all = watched.iter().all(|&watched| watched);
+    let mut arc_ends: Vec<[u32; 2]> = triples
+        .iter()
+        .flat_map(|&[a, b, c]| [[a, b], [a, c], [b, c]])
+        .collect();
     arc_ends.sort_unstable();
     pairs.sort_unstable();
     pairs.dedup();
-    let mut neighbours = vec![0_u32; count];
+    let mut neighbours = vec![0_u32; watched.len() + loop_count as usize];
     let mut at = 0;
     for pair in pairs {
         let start = at;
         while arc_ends.get(at) == Some(&pair) {
             at += 1;
         }
-        if at - start != 2 {
-            faults.push(Violation::Arcs { regions: pair, ends: id(at - start) });
+        if at - start != 2 && pair.into_iter().any(is_watched) {
+            faults.push(Violation::Arcs {
+                regions: pair,
+                ends: id(at - start),
+            });
         }
         for region in pair {
             neighbours[region as usize] += 1;
         }
     }
     for (region, &neighbours) in neighbours.iter().enumerate() {
-        if neighbours < 3 {
-            faults.push(Violation::Neighbours { region: id(region), neighbours });
+        if neighbours < 3 && watched.get(region).copied().unwrap_or(all) {
+            faults.push(Violation::Neighbours {
+                region: id(region),
+                neighbours,
+            });
         }
     }
 }

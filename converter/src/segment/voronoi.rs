@@ -18,13 +18,20 @@ pub(super) struct Voronoi {
     pub(super) labels: Vec<u32>,
     /// Distance to it.
     pub(super) distances: Vec<f64>,
+    /// Cells that changed since this was last reset.
+    pub(super) touched: Vec<bool>,
 }
 
 impl Voronoi {
     /// Cells of `seeds`.
     pub(super) fn of(surface: &Surface, seeds: &[u32]) -> Self {
         let count = surface.cells.len();
-        let mut voronoi = Self { seeds: Vec::new(), labels: vec![NONE; count], distances: vec![f64::INFINITY; count] };
+        let mut voronoi = Self {
+            seeds: Vec::new(),
+            labels: vec![NONE; count],
+            distances: vec![f64::INFINITY; count],
+            touched: Vec::new(),
+        };
         voronoi.add(surface, seeds);
         voronoi
     }
@@ -33,13 +40,22 @@ impl Voronoi {
     pub(super) fn add(&mut self, surface: &Surface, seeds: &[u32]) {
         let mut front = BinaryHeap::new();
         for &seed in seeds {
-            self.distances[seed as usize] = 0.0;
-            self.labels[seed as usize] = id(self.seeds.len());
+            let label = id(self.seeds.len());
             self.seeds.push(seed);
+            self.touched.push(true);
+            self.distances[seed as usize] = 0.0;
+            if let Some(touched) = self.touched.get_mut(self.labels[seed as usize] as usize) {
+                *touched = true;
+            }
+            self.labels[seed as usize] = label;
             front.push(Reverse((0, seed)));
         }
         spread(surface, &mut front, &mut self.distances, |from, to| {
-            self.labels[to as usize] = self.labels[from as usize];
+            let label = self.labels[from as usize];
+            let old = std::mem::replace(&mut self.labels[to as usize], label);
+            if let Some(touched) = self.touched.get_mut(old as usize) {
+                *touched = true;
+            }
             true
         });
     }
@@ -88,29 +104,50 @@ pub(super) fn centres(surface: &Surface, labels: &[u32], regions: u32) -> Vec<u3
     for v in members() {
         let label = labels[v as usize];
         let mean = &mut means[label as usize];
-        *mean = if mean.area > 0.0 { mean.merged(surface.cells[v as usize]) } else { surface.cells[v as usize] };
+        *mean = if mean.area > 0.0 {
+            mean.merged(surface.cells[v as usize])
+        } else {
+            surface.cells[v as usize]
+        };
         let at_border = surface.loop_of[v as usize] != NONE
-            || surface.neighbours(v).iter().any(|&w| labels[w as usize] != label);
+            || surface
+                .neighbours(v)
+                .iter()
+                .any(|&w| labels[w as usize] != label);
         if at_border {
             depths[v as usize] = 0.0;
             front.push(Reverse((0, v)));
         }
     }
-    spread(surface, &mut front, &mut depths, |from, to| labels[from as usize] == labels[to as usize]);
+    spread(surface, &mut front, &mut depths, |from, to| {
+        labels[from as usize] == labels[to as usize]
+    });
     let mut best = vec![(f64::NEG_INFINITY, NONE); regions as usize];
     for v in members() {
         let label = labels[v as usize] as usize;
         // A lone centroid may lie nearest to the wrong side of a finger; depth alone says nothing along a strip.
-        let score = depths[v as usize] - 0.5 * surface.cells[v as usize].centroid.distance(means[label].centroid);
+        let score = depths[v as usize]
+            - 0.5
+                * surface.cells[v as usize]
+                    .centroid
+                    .distance(means[label].centroid);
         if score > best[label].0 || best[label].1 == NONE {
             best[label] = (score, v);
         }
     }
-    best.into_iter().map(|(_, v)| v).filter(|&v| v != NONE).collect()
+    best.into_iter()
+        .map(|(_, v)| v)
+        .filter(|&v| v != NONE)
+        .collect()
 }
 
 /// Where borders cross the mesh's edges, by the distances of their ends to their own seeds.
-pub(super) fn crossings(mesh: &ManifoldMesh, surface: &Surface, labels: &[u32], distances: &[f64]) -> Vec<f32> {
+pub(super) fn crossings(
+    mesh: &ManifoldMesh,
+    surface: &Surface,
+    labels: &[u32],
+    distances: &[f64],
+) -> Vec<f32> {
     let mut crossings = vec![0.5_f32; mesh.triangles.len() * 3];
     for h in 0..crossings.len() {
         let t = mesh.triangles[h / 3];
@@ -121,7 +158,11 @@ pub(super) fn crossings(mesh: &ManifoldMesh, surface: &Surface, labels: &[u32], 
         let length = surface.length(u, v);
         let at = (distances[v as usize] - distances[u as usize] + length) / (2.0 * length);
         #[expect(clippy::cast_possible_truncation, reason = "a ratio near 0 to 1")]
-        let at = if at.is_finite() { (at as f32).clamp(0.05, 0.95) } else { 0.5 };
+        let at = if at.is_finite() {
+            (at as f32).clamp(0.05, 0.95)
+        } else {
+            0.5
+        };
         crossings[h] = at;
         if twin != NONE {
             crossings[twin as usize] = 1.0 - at;

@@ -35,16 +35,20 @@ const STYLE = `
   p { margin: 0; max-width: 34rem; overflow-wrap: anywhere; }
   button { font: inherit; padding: 0.4rem 1.1rem; border-radius: 0.4rem; border: 1px solid #8b8f98; background: none;
     color: inherit; cursor: pointer; }
-  button:hover { background: #ffffff1a; }
+  button:hover { background: #8b8f9840; }
+  @media (prefers-color-scheme: light) { [role="alert"] { color: #23211e; background: #e7e8ea; } }
 `;
 
 /** The generated module, loaded once for all viewers of the page. */
 let engine;
 
 function loadEngine() {
-  engine ??= import("./marquetry_web.js")
+  if (engine) return engine;
+  const wasm = fetch(new URL("marquetry_web_bg.wasm", import.meta.url));
+  wasm.catch(() => {});
+  engine = import("./marquetry_web.js")
     .then(async (module) => {
-      await module.default();
+      await module.default({ module_or_path: wasm });
       return module;
     })
     .catch((error) => {
@@ -235,10 +239,10 @@ export class MarquetryViewer extends HTMLElement {
       source.usePages(opener.contentId);
       await this.#openGpu(module);
       if (gone()) return;
-      const document = opener;
+      const opened = opener;
       // The view takes it over, also when it refuses it.
       opener = null;
-      this.#view = new module.View(this.#gpu, document);
+      this.#view = new module.View(this.#gpu, opened);
       this.#applyAll();
       this.#resize();
       this.#wake();

@@ -25,7 +25,9 @@ fn check(model: &Model<'_>) -> Vec<u8> {
     let report = verify(&SliceSource(&bytes)).unwrap();
     for check in &report.checks {
         assert!(check.ok, "{}: {:#?}", check.name, check.failures);
-        assert!(check.count > 0 || check.name == "glue both ways", "{} checked nothing", check.name);
+        let between_nodes = ["glue both ways", "shared borders bit-equal", "balance across borders"];
+        let needed = model.glue.iter().flatten().any(Option::is_some) || !between_nodes.contains(&&*check.name);
+        assert!(check.count > 0 || !needed, "{} checked nothing", check.name);
     }
     assert!(report.ok);
 
@@ -74,8 +76,8 @@ fn check(model: &Model<'_>) -> Vec<u8> {
 
 #[test]
 fn cube_sphere_at_mixed_levels_survives() {
-    // Chart 0 two levels deep, the others one or none, as balance allows.
-    let split = |node: NodeId| node.level == 0 && node.chart.0 < 5 || node.level == 1 && node.chart.0 == 0;
+    // Chart 0 two levels deep, its neighbours one, chart 2 across from it none.
+    let split = |node: NodeId| node.level == 0 && node.chart.0 != 2 || node.level == 1 && node.chart.0 == 0;
     for (shift, has_colours) in [(0, false), (5, true)] {
         let model = Model {
             glue: cube_glue(),
@@ -308,7 +310,7 @@ fn writer_refuses_broken_input() {
         "a root has an error a resolution, every other node one"
     );
     assert_eq!(
-        refused(|c| drop(c[3].root.samples.colours.pop())),
+        refused(|c| c[3].root.samples.colours.truncate(7)),
         "a node has (2^resolution + 1)^2 samples"
     );
     assert_eq!(
@@ -338,7 +340,7 @@ fn writer_refuses_unbalanced_trees() {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(24))]
+    #![proptest_config(ProptestConfig { cases: 24, failure_persistence: None, ..ProptestConfig::default() })]
 
     #[test]
     fn any_samples_survive(

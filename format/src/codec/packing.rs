@@ -8,7 +8,7 @@ use crate::Error;
 use crate::bytes::Cursor;
 
 /// Most memory that a frame may ask of its decoder, bytes.
-pub const MAX_WINDOW_BYTES: u64 = 8 << 20;
+pub(crate) const MAX_WINDOW_BYTES: u64 = 8 << 20;
 /// zstd level of the writer; pages are too small for higher ones to gain.
 #[cfg(not(target_arch = "wasm32"))]
 const LEVEL: i32 = 3;
@@ -208,7 +208,7 @@ mod tests {
 
     #[test]
     fn the_pure_decoder_reads_what_the_native_one_writes() {
-        let data: Vec<u8> = (0..300_000u32).map(|i| (i * i >> 7) as u8 & 15).collect();
+        let data: Vec<u8> = (0..300_000u32).map(|i| (i.wrapping_mul(i) >> 7) as u8 & 15).collect();
         let (method, bytes) = pack(&data).unwrap();
         assert_eq!(method, Method::Zstd);
         assert_eq!(decompress_pure(&frame_of(&bytes), data.len()).unwrap(), data);

@@ -42,14 +42,16 @@ pub(crate) fn cosine_code(cosine: f64) -> u8 {
 
 /// Axis code and cosine of a cone around a coded axis that holds `cone`.
 pub(crate) fn widen_cone(cone: &NormalCone) -> ([u8; 2], f64) {
+    let norm = |v: [f64; 3]| v.iter().map(|c| c * c).sum::<f64>().sqrt();
     let axis = cone.axis.map(f64::from);
-    let length = axis.iter().map(|c| c * c).sum::<f64>().sqrt();
     let code = octahedral::encode(cone.axis);
+    let coded = octahedral::decode(code).map(f64::from);
+    // Rounding of f32 would weigh in the sine of the small angle between the axes.
+    let length = norm(axis) * norm(coded);
     let cos = f64::from(cone.cos);
     if !(length.is_finite() && length > 0.0 && cos > -1.0) {
         return (code, -1.0);
     }
-    let coded = octahedral::decode(code).map(f64::from);
     let turn = (axis.iter().zip(coded).map(|(a, b)| a * b).sum::<f64>() / length).clamp(-1.0, 1.0);
     let cos = cos.min(1.0);
     // cos(α + δ), or nothing when α + δ is half a turn or more.
@@ -158,6 +160,8 @@ mod tests {
             let (code, widened) = widen_cone(&NormalCone { axis, cos });
             let coded = octahedral::decode(code);
             let turn: f64 = axis.iter().zip(coded).map(|(a, b)| f64::from(*a) * f64::from(b)).sum();
+            let squared = |v: [f32; 3]| v.iter().map(|c| f64::from(*c) * f64::from(*c)).sum::<f64>();
+            let turn = turn / (squared(axis) * squared(coded)).sqrt();
             let angle = f64::from(cos).acos() + turn.min(1.0).acos();
             prop_assert!(widened <= angle.min(std::f64::consts::PI).cos() + 1e-9);
             prop_assert!(f64::from(cosine_from_code(cosine_code(widened))) <= widened);

@@ -1,5 +1,5 @@
 //! Small atlases made from formulas.
-#![allow(dead_code, reason = "every test binary uses a part of this")]
+#![allow(dead_code, unreachable_pub, reason = "every test binary uses a part of this")]
 
 use marquetry_format::writer::{ChartInput, NodeInput, write_atlas};
 use marquetry_format::*;

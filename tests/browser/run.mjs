@@ -319,6 +319,7 @@ async function failures() {
 async function pinch(viewer) {
   const [x, y] = await viewer.middle();
   const session = await viewer.context.newCDPSession(viewer.page);
+  await session.send("Emulation.setTouchEmulationEnabled", { enabled: true, maxTouchPoints: 2 });
   const touch = (type, spread) =>
     session.send("Input.dispatchTouchEvent", {
       type,
@@ -327,6 +328,7 @@ async function pinch(viewer) {
   await touch("touchStart", 30);
   for (const spread of [40, 50, 60]) await touch("touchMove", spread);
   await touch("touchEnd", null);
+  await session.send("Emulation.setTouchEmulationEnabled", { enabled: false });
   await session.detach();
 }
 

@@ -5,7 +5,7 @@ use crate::{ensure, process, project::Project};
 use anyhow::{Context, Result};
 use std::process::Command;
 
-/// Runs `tests/browser/run.mjs` on the release binary.
+/// Runs the page's unit tests, then `tests/browser/run.mjs` on the release binary.
 ///
 /// # Errors
 /// When something is missing, or the test fails.
@@ -17,6 +17,7 @@ pub(crate) fn run(project: &Project) -> Result<()> {
     })?;
     let folder = project.browser_test();
     setup::npm(&folder)?;
+    process::run(Command::new("node").current_dir(&folder).args(["--test", "--test-reporter=dot"]))?;
     let chromium = setup::chromium().context("no Chromium")?;
     process::run(
         Command::new("node")

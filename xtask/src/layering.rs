@@ -86,6 +86,7 @@ const RULES: [Rule; 6] = [
             "winit",
             "axum",
             "reqwest",
+            "ureq",
         ],
         why: "converter, server and engine never see each other; the engine knows no window",
     },

@@ -131,13 +131,7 @@ fn tests(project: &Project) -> Result<Outcome> {
 fn documentation(project: &Project) -> Result<Outcome> {
     process::run(
         process::cargo(&project.root)
-            .args([
-                "doc",
-                "--release",
-                "--workspace",
-                "--no-deps",
-                "--document-private-items",
-            ])
+            .args(["doc", "--release", "--workspace", "--no-deps"])
             .env("RUSTDOCFLAGS", "-D warnings"),
     )
     .map(passed)

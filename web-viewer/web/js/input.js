@@ -13,24 +13,24 @@ const PINCH_GAIN = 8;
 const MOST_NOTCHES = 4;
 
 /**
- * Passes events on `canvas`, and keys on `host`, to the view that `view()` returns, if any; calls `changed` when one
- * meant something. Lasts until `signal` aborts.
+ * Passes events on `host` to the view that `view()` returns, if any; calls `changed` when one meant something.
+ * Places are pixels of the canvas that `canvas()` returns. Lasts until `signal` aborts.
  */
-export function listen(canvas, host, view, changed, signal) {
-  const on = (target, type, handler) =>
-    target.addEventListener(type, (event) => view() && handler(view(), event), { signal, passive: false });
+export function listen(host, canvas, view, changed, signal) {
+  const on = (type, handler) =>
+    host.addEventListener(type, (event) => view() && handler(view(), event), { signal, passive: false });
 
   const place = (event) => {
-    const box = canvas.getBoundingClientRect();
-    const scale = box.width > 0 ? canvas.width / box.width : 1;
+    const box = canvas().getBoundingClientRect();
+    const scale = box.width > 0 ? canvas().width / box.width : 1;
     return [(event.clientX - box.left) * scale, (event.clientY - box.top) * scale];
   };
 
-  on(canvas, "pointerdown", (view, event) => {
+  on("pointerdown", (view, event) => {
     host.focus({ preventScroll: true });
     // A pointer of a synthetic event cannot be captured, and need not be.
     try {
-      canvas.setPointerCapture(event.pointerId);
+      host.setPointerCapture(event.pointerId);
     } catch {}
     const touch = event.pointerType === "touch";
     if (view.pointerDown(id(event), touch, event.button, ...place(event), modifiers(event))) {
@@ -38,22 +38,22 @@ export function listen(canvas, host, view, changed, signal) {
       changed();
     }
   });
-  on(canvas, "pointermove", (view, event) => {
+  on("pointermove", (view, event) => {
     if (view.pointerMove(id(event), ...place(event))) changed();
   });
   for (const type of ["pointerup", "pointercancel", "lostpointercapture"]) {
-    on(canvas, type, (view, event) => {
+    on(type, (view, event) => {
       if (view.pointerUp(id(event))) changed();
     });
   }
-  on(canvas, "contextmenu", (_view, event) => event.preventDefault());
-  on(canvas, "wheel", (view, event) => {
+  on("contextmenu", (_view, event) => event.preventDefault());
+  on("wheel", (view, event) => {
     if (view.wheel(notches(event), ...place(event))) {
       event.preventDefault();
       changed();
     }
   });
-  on(host, "keydown", (view, event) => {
+  on("keydown", (view, event) => {
     if (event.defaultPrevented || event.metaKey) return;
     if (view.key(event.key, modifiers(event))) {
       event.preventDefault();

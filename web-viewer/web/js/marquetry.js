@@ -99,7 +99,7 @@ export class MarquetryViewer extends HTMLElement {
       this.setAttribute("aria-label", "3D viewer: arrow keys orbit, with Shift they pan; plus and minus zoom; Home resets");
     }
     this.#life = new AbortController();
-    listen(this.#canvas, this, () => this.#view, () => this.#wake(), this.#life.signal);
+    listen(this, () => this.#canvas, () => this.#view, () => this.#wake(), this.#life.signal);
     const observer = new ResizeObserver((entries) => this.#measure(entries.at(-1)));
     try {
       observer.observe(this, { box: "device-pixel-content-box" });
@@ -113,19 +113,14 @@ export class MarquetryViewer extends HTMLElement {
   disconnectedCallback() {
     this.#life?.abort();
     this.#unload();
-    this.#gpu?.free();
-    this.#gpu = null;
-    // A canvas keeps the context that was made for it; a viewer that comes back gets a new one.
-    const fresh = this.#canvas.cloneNode();
-    this.#canvas.replaceWith(fresh);
-    this.#canvas = fresh;
+    this.#dropGpu();
     this.#pixels = [0, 0];
   }
 
   attributeChangedCallback(name, before, value) {
     if (!this.isConnected || this.#life === null || before === value) return;
     if (name === "src") this.#load();
-    else if (name === "time") this.setTime(Number(value ?? 0));
+    else if (name === "time") this.#attempt(() => this.setTime(Number(value ?? 0)));
     else if (name === "camera") this.#attempt(() => value !== null && this.#view?.setCamera(value));
     else this.#attempt(() => this.#applyOption(name));
     this.#wake();
@@ -186,7 +181,7 @@ export class MarquetryViewer extends HTMLElement {
   async screenshot() {
     if (!this.#ready) throw new Error("there is no picture yet");
     // The browser takes the canvas' picture away when this task ends: draw and read in one go.
-    this.#view.frame(0, true);
+    if (!this.#view.frame(0, true)) throw new Error("the picture cannot be drawn just now");
     const blob = new Promise((resolve) => this.#canvas.toBlob(resolve, "image/png"));
     this.#wake();
     const png = await blob;
@@ -267,6 +262,15 @@ export class MarquetryViewer extends HTMLElement {
     else gpu.free();
   }
 
+  #dropGpu() {
+    this.#gpu?.free();
+    this.#gpu = null;
+    // A canvas keeps the context that was made for it, so the next device gets another.
+    const fresh = this.#canvas.cloneNode();
+    this.#canvas.replaceWith(fresh);
+    this.#canvas = fresh;
+  }
+
   #unload() {
     this.#loading?.abort();
     this.#loading = null;
@@ -286,11 +290,11 @@ export class MarquetryViewer extends HTMLElement {
   #applyAll() {
     // What a machine can hold is a guess; an attribute overrules it.
     if ((navigator.deviceMemory ?? 8) <= 4) this.#view.setOption("cache", String(SMALL_CACHE_BYTES));
-    for (const name of OPTIONS) this.#applyOption(name);
+    for (const name of OPTIONS) this.#attempt(() => this.#applyOption(name));
     const camera = this.getAttribute("camera");
-    if (camera) this.#view.setCamera(camera);
+    if (camera) this.#attempt(() => this.#view.setCamera(camera));
     const time = this.getAttribute("time");
-    if (time !== null) this.setTime(Number(time));
+    if (time !== null) this.#attempt(() => this.setTime(Number(time)));
   }
 
   #applyOption(name) {
@@ -342,22 +346,20 @@ export class MarquetryViewer extends HTMLElement {
       drew = view.frame(Math.min(Math.max(step, 0), LONGEST_STEP), false);
     } catch (error) {
       this.#fail(error);
+      // Whatever it was, the device is not to be trusted any more.
+      this.#dropGpu();
       return;
     }
     if (drew) {
       this.#frameMs = this.#lastTime ? time - this.#lastTime : this.#frameMs;
       view.setTimes(this.#frameMs, performance.now() - start);
     }
-    if (drew && !this.#ready) {
-      this.#ready = true;
-      this.#emit("ready", { requests: this.#source.requests, bytes: this.#source.bytes });
-    }
-    this.#fetchAll();
-    this.#report();
-    if (this.#view !== view) return;
     const again = view.wantsFrame;
     this.#lastTime = again ? time : 0;
     if (again) this.#wake();
+    this.#report(drew);
+    // Whoever listened may have loaded another file.
+    if (this.#view === view) this.#fetchAll();
   }
 
   #fetchAll() {
@@ -375,27 +377,35 @@ export class MarquetryViewer extends HTMLElement {
     }
   }
 
-  #report() {
-    const view = this.#view;
-    const failures = view.takeFailures();
-    if (failures.length > 0) this.#emit("error", { message: sentence(failures.at(-1)), fatal: false, kind: "network" });
-    const { progress, camera, shade, isSettled } = view;
+  #report(drew) {
+    const cost = { requests: this.#source.requests, bytes: this.#source.bytes };
+    const { progress, camera, shade, isSettled } = this.#view;
+    const events = [];
+    if (drew && !this.#ready) {
+      this.#ready = true;
+      events.push(["ready", cost]);
+    }
+    const failures = this.#view.takeFailures();
+    if (failures.length > 0) {
+      events.push(["error", { message: sentence(failures.at(-1)), fatal: false, kind: "network" }]);
+    }
     if (Math.abs(progress - this.#progress) > 0.002 || (isSettled && this.#progress !== progress)) {
       this.#progress = progress;
-      this.#emit("progress", { progress, bytes: this.#source.bytes, requests: this.#source.requests });
+      events.push(["progress", { progress, ...cost }]);
     }
     if (camera !== this.#lastCamera) {
       this.#lastCamera = camera;
-      this.#emit("camerachange", { camera });
+      events.push(["camerachange", { camera }]);
     }
     if (shade !== this.#lastShade) {
       this.#lastShade = shade;
-      this.#emit("shadechange", { shade });
+      events.push(["shadechange", { shade }]);
     }
     if (this.#ready && isSettled !== this.#settled) {
       this.#settled = isSettled;
-      if (isSettled) this.#emit("settled", { bytes: this.#source.bytes, requests: this.#source.requests });
+      if (isSettled) events.push(["settled", cost]);
     }
+    for (const [type, detail] of events) this.#emit(type, detail);
   }
 
   #fail(error) {

@@ -153,42 +153,36 @@ impl OpenFile {
         pages: RangeInclusive<u32>,
         limit_bytes: u64,
     ) -> Result<Vec<u8>, PagesError> {
+        let (first, last) = (PageId(*pages.start()), PageId(*pages.end()));
         let count = self.read_document(Document::page_count);
-        let last = *pages.end();
-        if last >= count {
-            return Err(PagesError::Beyond { page: last, count });
+        if last.0 >= count {
+            return Err(PagesError::Beyond {
+                page: last.0,
+                count,
+            });
         }
-        // Pages that lie side by side in the file are read at once.
-        let mut runs: Vec<Range<u64>> = Vec::new();
-        let mut total = 0;
-        for page in pages {
-            let range = self.page_range(PageId(page))?;
-            total += range.end - range.start;
-            if total > limit_bytes {
-                return Err(PagesError::TooLong { limit: limit_bytes });
-            }
-            match runs.last_mut() {
-                Some(run) if run.end == range.start => run.end = range.end,
-                _ if range.is_empty() => {}
-                _ => runs.push(range),
-            }
+        self.load_index_of(first, last)?;
+        let range = self
+            .read_document(|document| document.page_range_bytes(first, last))
+            .ok_or_else(|| {
+                let what = format!("pages {} to {} have no valid place", first.0, last.0);
+                Error::from(SourceError::Other(what))
+            })?;
+        if range.end.saturating_sub(range.start) > limit_bytes {
+            return Err(PagesError::TooLong { limit: limit_bytes });
         }
-        let mut bytes = Vec::new();
-        for run in runs {
-            let part = self.read(run).map_err(Error::from)?;
-            if bytes.is_empty() {
-                bytes = part;
-            } else {
-                bytes.extend_from_slice(&part);
-            }
-        }
-        Ok(bytes)
+        Ok(self.read(range).map_err(Error::from)?)
     }
 
-    /// Where `page`, which exists, lies in the file.
-    fn page_range(&self, page: PageId) -> Result<Range<u64>, Error> {
-        let block = self.read_document(|document| document.index_block_of(page));
-        if !self.read_document(|document| document.has_index_block(block)) {
+    /// Loads the index blocks of pages `first` to `last`, which exist.
+    fn load_index_of(&self, first: PageId, last: PageId) -> Result<(), Error> {
+        let blocks = self.read_document(|document| {
+            document.index_block_of(first)..=document.index_block_of(last)
+        });
+        for block in blocks {
+            if self.read_document(|document| document.has_index_block(block)) {
+                continue;
+            }
             let range = self.read_document(|document| document.index_block_range(block));
             let bytes = self.read(range)?;
             self.document
@@ -196,13 +190,7 @@ impl OpenFile {
                 .unwrap_or_else(PoisonError::into_inner)
                 .load_index_block(block, &bytes)?;
         }
-        let range = self.read_document(|document| {
-            let entry = document.page(page)?;
-            Some(entry.offset..entry.offset.checked_add(u64::from(entry.length))?)
-        });
-        // A file whose index does not cover its own pages.
-        range
-            .ok_or_else(|| SourceError::Other(format!("page {} has no valid place", page.0)).into())
+        Ok(())
     }
 
     /// What the catalogue says of it.
@@ -216,5 +204,61 @@ impl OpenFile {
 
     fn read_document<T>(&self, look: impl FnOnce(&Document) -> T) -> T {
         look(&self.document.read().unwrap_or_else(PoisonError::into_inner))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn handle(path: &Path) -> Handle {
+        let file = File::open(path).unwrap();
+        let version = Version::of(&file.metadata().unwrap());
+        Handle { file, version }
+    }
+
+    #[test]
+    fn a_replaced_file_is_read_as_it_was() {
+        let folder = tempfile::tempdir().unwrap();
+        let [path, new] = ["a", "b"].map(|name| folder.path().join(name));
+        std::fs::write(&path, b"old").unwrap();
+        std::fs::write(&new, b"new").unwrap();
+        let handle = handle(&path);
+        std::fs::rename(&new, &path).unwrap();
+        assert_eq!(handle.read(0..3).unwrap(), b"old");
+        assert_ne!(Version::of_path(&path).unwrap(), handle.version);
+    }
+
+    #[test]
+    fn a_file_changed_in_place_is_not_read_any_more() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a");
+        std::fs::write(&path, b"0123456789").unwrap();
+        let longer = handle(&path);
+        std::fs::write(&path, b"01234567890").unwrap();
+        assert!(longer.read(0..3).is_err());
+        let shorter = handle(&path);
+        std::fs::write(&path, b"0").unwrap();
+        assert!(shorter.read(0..3).is_err());
+    }
+
+    #[test]
+    fn ranges_outside_the_file_are_refused_before_memory_is_taken() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a");
+        std::fs::write(&path, b"0123").unwrap();
+        let handle = handle(&path);
+        assert_eq!(handle.read(1..4).unwrap(), b"123");
+        assert!(handle.read(4..4).unwrap().is_empty());
+        #[expect(
+            clippy::reversed_empty_ranges,
+            reason = "what a broken index might say"
+        )]
+        for range in [0..5, 5..6, 3..2, 0..u64::MAX] {
+            assert!(matches!(
+                handle.read(range),
+                Err(SourceError::OutOfRange { .. })
+            ));
+        }
     }
 }

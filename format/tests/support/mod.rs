@@ -1,6 +1,8 @@
 //! Small atlases made from formulas.
 #![allow(dead_code, unreachable_pub, reason = "every test binary uses a part of this")]
 
+pub mod assemble;
+
 use marquetry_format::writer::{ChartInput, NodeInput, write_atlas};
 use marquetry_format::*;
 

@@ -1,10 +1,12 @@
 //! A small `.marq` file, a running server, and an HTTP client that hides nothing.
 
 #![allow(dead_code, reason = "each test file uses a part of it")]
+#![allow(clippy::unwrap_used, reason = "all of this is part of tests")]
 
 use marquetry_format::writer::{ChartInput, NodeInput, write_atlas};
 use marquetry_format::{ContentKind, Lattice, Metadata, NodeId, NormalCone, PageSamples, Quadrant};
 use marquetry_server::{Config, Server};
+use std::fmt::Write as _;
 use std::io::{Read, Write};
 use std::net::{SocketAddr, TcpStream};
 use std::thread::JoinHandle;
@@ -125,7 +127,7 @@ impl Running {
         let mut request =
             format!("{method} {path} HTTP/1.1\r\nHost: test\r\nConnection: close\r\n");
         for (name, value) in headers {
-            request.push_str(&format!("{name}: {value}\r\n"));
+            let _ = write!(request, "{name}: {value}\r\n");
         }
         request.push_str("\r\n");
         let mut stream = self.connect();

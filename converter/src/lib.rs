@@ -1,8 +1,10 @@
 //! Scan to atlas: importers, segmentation, parametrization, resampling.
 
 pub mod atlas;
+pub mod error;
 pub mod import;
 pub mod mesh;
 pub mod parameterize;
+pub mod quadrangulate;
 pub mod resample;
 pub mod segment;

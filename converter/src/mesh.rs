@@ -1,5 +1,20 @@
 //! Triangle meshes between import and segmentation.
+//!
+//! [`prepare`] is the whole way: [`weld`] finds the vertices, [`duplicates`] what is there twice, [`manifold`] the oriented
+//! surface, and [`account`] keeps the books.
 
+pub mod account;
+pub mod adjacency;
+mod check;
+pub mod duplicates;
+pub mod manifold;
+mod normals;
+mod simplicial;
+pub mod weld;
+
+use crate::error::{ImportError, MAX_TRIANGLES};
+use account::{Account, Reason, Topology};
+use adjacency::EdgeTable;
 use glam::DVec3;
 
 /// No vertex, half-edge or face.
@@ -16,7 +31,21 @@ pub struct ImportedMesh {
     pub triangles: Vec<[u32; 3]>,
 }
 
+/// A mesh in which every position occurs once: all corners are finite, every triangle has three different ones, and
+/// every vertex is used.
+#[derive(Debug, Clone, Default)]
+pub struct WeldedMesh {
+    /// Vertex positions, input units.
+    pub positions: Vec<DVec3>,
+    /// Vertex sRGB colours, as many as positions, or empty.
+    pub colours: Vec<[u8; 3]>,
+    /// Triangles, in the order of the import.
+    pub triangles: Vec<[u32; 3]>,
+}
+
 /// An oriented 2-manifold with border. Every vertex has one fan of triangles; every edge has one or two.
+///
+/// It is a simplicial complex: no two edges have the same two vertices, and no two triangles the same three.
 #[derive(Debug, Clone, Default)]
 pub struct ManifoldMesh {
     /// Vertex positions; copies made to split a vertex have bit-equal positions.
@@ -32,3 +61,39 @@ pub struct ManifoldMesh {
     /// Opposite half-edge of half-edge `3 * t + k` (which runs from corner k to corner k + 1 of triangle t), or [`NONE`].
     pub twins: Vec<u32>,
 }
+
+/// Welds `mesh` and makes an oriented manifold of it; the account says what became of every triangle.
+///
+/// # Errors
+/// [`ImportError::NoSurface`] if no triangle is left, [`ImportError::TooLarge`] if there are more than 32-bit ids can number.
+/// The file's name is missing in both: add it with [`ImportError::in_file`].
+pub fn prepare(mesh: ImportedMesh) -> Result<(ManifoldMesh, Account), ImportError> {
+    if mesh.triangles.len() > MAX_TRIANGLES {
+        return Err(ImportError::TooLarge { path: None, triangles: mesh.triangles.len() });
+    }
+    let mut account = Account::new(&mesh);
+    let mut welded = weld::exact(&mesh, &mut account);
+    drop(mesh);
+    if welded.triangles.is_empty() {
+        return Err(ImportError::NoSurface {
+            path: None,
+            triangles: account.imported.triangles,
+            non_finite: account.lost(Reason::NonFinite).triangles,
+            degenerate: account.lost(Reason::Degenerate).triangles,
+        });
+    }
+    let mut table = EdgeTable::new(&welded.triangles, welded.positions.len());
+    if let Some((better, better_table)) = weld::tolerant(&welded, &table, &mut account) {
+        (welded, table) = (better, better_table);
+    }
+    account.topology = Topology::of(&welded, &table);
+    if duplicates::remove(&mut welded, &table, &mut account) {
+        table = EdgeTable::new(&welded.triangles, welded.positions.len());
+    }
+    let manifold = manifold::manifold(welded, &table, &mut account);
+    account.close(&manifold);
+    Ok((manifold, account))
+}
+
+#[cfg(test)]
+mod tests;

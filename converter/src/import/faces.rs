@@ -1,0 +1,99 @@
+//! The faces that a parser found, in file order, until all vertices are known.
+
+use super::polygon;
+use crate::error::{Fault, MAX_TRIANGLES, ParseError, Place};
+use glam::DVec3;
+
+/// Faces with any number of corners. Triangles, nearly always all of them, take no more than their three indices.
+#[derive(Debug, Default)]
+pub(super) struct Faces {
+    triangles: Vec<[u32; 3]>,
+    /// Corners of all faces with more than three.
+    corners: Vec<u32>,
+    /// For each of these: number of triangles before it, and end of its range in `corners`.
+    polygons: Vec<(usize, usize)>,
+    /// Faces with fewer than three corners.
+    short: u64,
+    /// Greatest index so far, and where it stood.
+    greatest: Option<(u32, Place)>,
+}
+
+impl Faces {
+    /// Makes room for `triangles`; the caller has bounded the number by the file's size.
+    pub(super) fn reserve(&mut self, triangles: usize) {
+        self.triangles.reserve(triangles);
+    }
+
+    pub(super) fn push_triangle(&mut self, triangle: [u32; 3], place: Place) {
+        self.note(&triangle, place);
+        self.triangles.push(triangle);
+    }
+
+    /// Adds a face of any number of corners.
+    pub(super) fn push(&mut self, face: &[u32], place: Place) {
+        if let Ok(triangle) = <[u32; 3]>::try_from(face) {
+            return self.push_triangle(triangle, place);
+        }
+        self.note(face, place);
+        if face.len() < 3 {
+            self.short += 1;
+            return;
+        }
+        self.corners.extend_from_slice(face);
+        self.polygons.push((self.triangles.len(), self.corners.len()));
+    }
+
+    /// Adds a strip: triangle i is (i, i+1, i+2), every second one turned round. Triangles with a repeated index
+    /// only steer the strip and are no faces.
+    pub(super) fn push_strip(&mut self, strip: &[u32], place: Place) {
+        for (i, w) in strip.windows(3).enumerate() {
+            if w[0] != w[1] && w[1] != w[2] && w[2] != w[0] {
+                let triangle = if i % 2 == 0 { [w[0], w[1], w[2]] } else { [w[1], w[0], w[2]] };
+                self.push_triangle(triangle, place);
+            }
+        }
+    }
+
+    fn note(&mut self, indices: &[u32], place: Place) {
+        for &i in indices {
+            if self.greatest.is_none_or(|(g, _)| i > g) {
+                self.greatest = Some((i, place));
+            }
+        }
+    }
+
+    /// Faces added so far.
+    pub(super) fn len(&self) -> u64 {
+        self.triangles.len() as u64 + self.polygons.len() as u64 + self.short
+    }
+
+    /// All faces as triangles, in order, and how many faces had fewer than three distinct corners.
+    pub(super) fn triangulate(self, positions: &[DVec3]) -> Result<(Vec<[u32; 3]>, u64), ParseError> {
+        if let Some((index, place)) = self.greatest
+            && index as usize >= positions.len()
+        {
+            let fault = Fault::IndexOutOfRange { index: i64::from(index), vertices: positions.len() as u64 };
+            return Err(ParseError::at(place, fault));
+        }
+        let mut without_area = self.short;
+        let mut out = Vec::new();
+        if self.polygons.is_empty() {
+            out = self.triangles;
+        } else {
+            out.reserve(self.triangles.len() + self.corners.len() - 2 * self.polygons.len());
+            let (mut done, mut start) = (0, 0);
+            for (before, end) in self.polygons {
+                out.extend_from_slice(&self.triangles[done..before]);
+                without_area += u64::from(!polygon::triangulate(&self.corners[start..end], positions, &mut out));
+                (done, start) = (before, end);
+            }
+            out.extend_from_slice(&self.triangles[done..]);
+        }
+        if out.len() > MAX_TRIANGLES {
+            let fault =
+                Fault::TooMany { what: "triangles", count: out.len() as u64, limit: MAX_TRIANGLES as u64 };
+            return Err(ParseError::at(Place::File, fault));
+        }
+        Ok((out, without_area))
+    }
+}

@@ -1,0 +1,223 @@
+//! PLY, the Polygon File Format (Turk, "The PLY Polygon File Format", 1994).
+//!
+//! ASCII and binary of both byte orders; properties of any type in any order; faces as lists of any length, and
+//! `tristrips` lists with −1 between strips; vertex colours (`red`, `green`, `blue`, also with the prefix `diffuse_`). Other elements and
+//! properties are stepped over.
+//!
+//! Limit: ASCII bodies are read word by word, so line breaks in them carry no meaning.
+
+mod body;
+mod header;
+
+use super::{Soup, colour};
+use crate::error::{Fault, ParseError, Place};
+use body::{Ascii, Binary, Body};
+use glam::DVec3;
+use header::{Element, Encoding, Header, Property, Scalar};
+
+pub(super) fn parse(bytes: &[u8]) -> Result<Soup, ParseError> {
+    let header = Header::parse(bytes)?;
+    let start = header.body.min(bytes.len());
+    match header.encoding {
+        Encoding::Ascii => {
+            let mut body = Ascii::new(&bytes[start..], header.body_line);
+            let soup = read(&header, &mut body)?;
+            body.expect_end()?;
+            Ok(soup)
+        }
+        Encoding::LittleEndian => read(&header, &mut Binary::<false>::new(bytes, start)),
+        Encoding::BigEndian => read(&header, &mut Binary::<true>::new(bytes, start)),
+    }
+}
+
+fn read(header: &Header, body: &mut impl Body) -> Result<Soup, ParseError> {
+    let mut soup = Soup::default();
+    for element in &header.elements {
+        bound(element, body)?;
+        match element.name.as_str() {
+            "vertex" => read_vertices(element, body, &mut soup)?,
+            "face" => read_faces(element, body, &mut soup)?,
+            "tristrips" => read_strips(element, body, &mut soup)?,
+            _ => skip(element, body)?,
+        }
+    }
+    Ok(soup)
+}
+
+/// Refuses a count that the rest of the file cannot hold, before anything is allocated for it.
+fn bound(element: &Element, body: &impl Body) -> Result<(), ParseError> {
+    let least = element.properties.iter().map(|p| body.least_bytes(p)).sum::<u64>();
+    let needed = element.count.saturating_mul(least);
+    // The last word of a text needs no separator after it.
+    if needed <= body.remaining() + 1 {
+        return Ok(());
+    }
+    Err(ParseError::truncated(
+        body.place(),
+        format!(
+            "element {} announces {} records of at least {least} bytes, but {} bytes follow",
+            element.name,
+            element.count,
+            body.remaining()
+        ),
+    ))
+}
+
+/// Number of records; elements without properties have no bytes, whatever count they claim.
+fn records(element: &Element) -> u64 {
+    if element.properties.is_empty() { 0 } else { element.count }
+}
+
+fn read_vertices(element: &Element, body: &mut impl Body, soup: &mut Soup) -> Result<(), ParseError> {
+    let bad = |cause: &str| {
+        ParseError::at(Place::File, Fault::Header { format: "PLY", cause: cause.to_owned() })
+    };
+    let find = |name: &str| {
+        element.properties.iter().position(|p| {
+            p.list.is_none() && (p.name == name || p.name.strip_prefix("diffuse_") == Some(name))
+        })
+    };
+    let (Some(x), Some(y), Some(z)) = (find("x"), find("y"), find("z")) else {
+        return Err(bad("element vertex has no properties x, y and z"));
+    };
+    let rgb = match (find("red"), find("green"), find("blue")) {
+        (Some(r), Some(g), Some(b)) => Some([r, g, b]),
+        _ => None,
+    };
+    if !soup.positions.is_empty() {
+        return Err(bad("element vertex occurs twice"));
+    }
+    let count = usize::try_from(records(element)).unwrap_or(usize::MAX);
+    soup.positions.reserve_exact(count);
+    soup.colours.reserve_exact(if rgb.is_some() { count } else { 0 });
+    let mut values = vec![0.0; element.properties.len()];
+    for _ in 0..count {
+        for (value, property) in values.iter_mut().zip(&element.properties) {
+            *value = match property.list {
+                None => body.scalar(property.scalar)?,
+                Some(length) => {
+                    skip_list(property, length, body)?;
+                    0.0
+                }
+            };
+        }
+        soup.positions.push(DVec3::new(values[x], values[y], values[z]));
+        if let Some(rgb) = rgb {
+            soup.colours.push(read_colour(rgb.map(|i| values[i]), element.properties[rgb[0]].scalar));
+        }
+    }
+    Ok(())
+}
+
+fn read_colour(rgb: [f64; 3], scalar: Scalar) -> [u8; 3] {
+    match scalar {
+        Scalar::F32 | Scalar::F64 => colour::bytes_from_either(rgb),
+        Scalar::U16 | Scalar::I16 => rgb.map(|c| colour::byte_from_unit(c / 65535.0)),
+        _ => rgb.map(|c| colour::byte_from_unit(c / 255.0)),
+    }
+}
+
+/// The property that holds a face's corners: the one so named, else the first list.
+fn corner_list(element: &Element) -> Result<usize, ParseError> {
+    let lists = || element.properties.iter().enumerate().filter(|(_, p)| p.list.is_some());
+    lists()
+        .find(|(_, p)| p.name == "vertex_indices" || p.name == "vertex_index")
+        .or_else(|| lists().next())
+        .map(|(i, _)| i)
+        .ok_or_else(|| {
+            let cause = format!("element {} has no list of vertex indices", element.name);
+            ParseError::at(Place::File, Fault::Header { format: "PLY", cause })
+        })
+}
+
+/// Calls `each` with the corners of every record, −1 standing for itself.
+fn for_each_list<B: Body>(
+    element: &Element,
+    body: &mut B,
+    mut each: impl FnMut(&[i64], Place) -> Result<(), ParseError>,
+) -> Result<(), ParseError> {
+    if records(element) == 0 {
+        return Ok(());
+    }
+    let corners = corner_list(element)?;
+    let mut list = Vec::new();
+    for _ in 0..element.count {
+        let place = body.place();
+        for (i, property) in element.properties.iter().enumerate() {
+            match property.list {
+                None => {
+                    body.scalar(property.scalar)?;
+                }
+                Some(length) if i == corners => {
+                    let n = body.list_length(length, property.scalar)?;
+                    list.clear();
+                    for _ in 0..n {
+                        list.push(body.index(property.scalar)?);
+                    }
+                }
+                Some(length) => skip_list(property, length, body)?,
+            }
+        }
+        each(&list, place)?;
+    }
+    Ok(())
+}
+
+fn read_faces(element: &Element, body: &mut impl Body, soup: &mut Soup) -> Result<(), ParseError> {
+    soup.faces.reserve(usize::try_from(records(element)).unwrap_or(0));
+    let mut face = Vec::new();
+    let vertices = soup.positions.len();
+    for_each_list(element, body, |list, place| {
+        face.clear();
+        for &index in list {
+            face.push(vertex_index(index, vertices, place)?);
+        }
+        soup.faces.push(&face, place);
+        Ok(())
+    })
+}
+
+fn read_strips(element: &Element, body: &mut impl Body, soup: &mut Soup) -> Result<(), ParseError> {
+    let mut strip = Vec::new();
+    let vertices = soup.positions.len();
+    for_each_list(element, body, |list, place| {
+        for part in list.split(|&i| i == -1) {
+            strip.clear();
+            for &index in part {
+                strip.push(vertex_index(index, vertices, place)?);
+            }
+            soup.faces.push_strip(&strip, place);
+        }
+        Ok(())
+    })
+}
+
+fn vertex_index(index: i64, vertices: usize, place: Place) -> Result<u32, ParseError> {
+    u32::try_from(index).ok().filter(|&i| i != u32::MAX).ok_or_else(|| {
+        ParseError::at(place, Fault::IndexOutOfRange { index, vertices: vertices as u64 })
+    })
+}
+
+fn skip(element: &Element, body: &mut impl Body) -> Result<(), ParseError> {
+    for _ in 0..records(element) {
+        for property in &element.properties {
+            match property.list {
+                None => {
+                    body.scalar(property.scalar)?;
+                }
+                Some(length) => skip_list(property, length, body)?,
+            }
+        }
+    }
+    Ok(())
+}
+
+fn skip_list(property: &Property, length: Scalar, body: &mut impl Body) -> Result<(), ParseError> {
+    for _ in 0..body.list_length(length, property.scalar)? {
+        body.scalar(property.scalar)?;
+    }
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,142 @@
+//! The numbers of a PLY body, ASCII or binary.
+
+use super::header::{Property, Scalar};
+use crate::error::{ParseError, Place};
+use crate::import::text::{Words, number, quoted};
+
+/// A sequence of numbers. Integers up to 32 bits are exact in `f64`.
+pub(super) trait Body {
+    fn scalar(&mut self, scalar: Scalar) -> Result<f64, ParseError>;
+
+    fn place(&self) -> Place;
+
+    /// Bytes not yet read.
+    fn remaining(&self) -> u64;
+
+    /// Bytes that one value of this property takes at least.
+    fn least_bytes(&self, property: &Property) -> u64;
+
+    /// Reads the number of items of a list and checks that so many can follow.
+    fn list_length(&mut self, length: Scalar, item: Scalar) -> Result<u64, ParseError> {
+        let place = self.place();
+        let n = self.scalar(length)?;
+        if !(n >= 0.0 && n.fract() == 0.0) {
+            return Err(ParseError::syntax(place, format!("{n} is no length for a list")));
+        }
+        let item = Property { name: String::new(), scalar: item, list: None };
+        if n * self.least_bytes(&item) as f64 > self.remaining() as f64 + 1.0 {
+            let missing = format!("a list of {n} numbers follows, but {} bytes are left", self.remaining());
+            return Err(ParseError::truncated(place, missing));
+        }
+        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "checked: an integer, no more than the bytes left")]
+        let n = n as u64;
+        Ok(n)
+    }
+
+    /// Reads an integer, such as the index of a vertex.
+    fn index(&mut self, scalar: Scalar) -> Result<i64, ParseError> {
+        let place = self.place();
+        let value = self.scalar(scalar)?;
+        // Also keeps the cast below exact.
+        if value.fract() != 0.0 || value.abs() > 1e15 || !value.is_finite() {
+            return Err(ParseError::syntax(place, format!("{value} is no index of a vertex")));
+        }
+        #[expect(clippy::cast_possible_truncation, reason = "checked: an integer below 2^53")]
+        let index = value as i64;
+        Ok(index)
+    }
+}
+
+pub(super) struct Ascii<'a> {
+    words: Words<'a>,
+}
+
+impl<'a> Ascii<'a> {
+    pub(super) fn new(text: &'a [u8], line: u64) -> Self {
+        Self { words: Words::new(text, line) }
+    }
+
+    /// Words left over mean that some record had more than its properties.
+    pub(super) fn expect_end(&mut self) -> Result<(), ParseError> {
+        match self.words.next() {
+            None => Ok(()),
+            Some(word) => {
+                let cause = format!("{} follows the last element that the header announces", quoted(word));
+                Err(ParseError::syntax(self.place(), cause))
+            }
+        }
+    }
+}
+
+impl Body for Ascii<'_> {
+    fn scalar(&mut self, _: Scalar) -> Result<f64, ParseError> {
+        match self.words.next() {
+            Some(word) => number(word, self.words.place(), "a property"),
+            None => Err(ParseError::truncated(self.place(), "elements that the header announces are missing")),
+        }
+    }
+
+    fn place(&self) -> Place {
+        self.words.place()
+    }
+
+    fn remaining(&self) -> u64 {
+        self.words.remaining()
+    }
+
+    fn least_bytes(&self, _: &Property) -> u64 {
+        2
+    }
+}
+
+pub(super) struct Binary<'a, const BIG_ENDIAN: bool> {
+    file: &'a [u8],
+    at: usize,
+}
+
+impl<'a, const BIG_ENDIAN: bool> Binary<'a, BIG_ENDIAN> {
+    pub(super) fn new(file: &'a [u8], at: usize) -> Self {
+        Self { file, at }
+    }
+
+    #[inline]
+    fn take<const N: usize>(&mut self) -> Result<[u8; N], ParseError> {
+        let Some(bytes) = self.file.get(self.at..).and_then(|rest| rest.first_chunk::<N>()) else {
+            return Err(ParseError::truncated(self.place(), "elements that the header announces are missing"));
+        };
+        self.at += N;
+        let mut bytes = *bytes;
+        if BIG_ENDIAN {
+            bytes.reverse();
+        }
+        Ok(bytes)
+    }
+}
+
+impl<const BIG_ENDIAN: bool> Body for Binary<'_, BIG_ENDIAN> {
+    #[inline]
+    fn scalar(&mut self, scalar: Scalar) -> Result<f64, ParseError> {
+        Ok(match scalar {
+            Scalar::I8 => i8::from_le_bytes(self.take()?).into(),
+            Scalar::U8 => u8::from_le_bytes(self.take()?).into(),
+            Scalar::I16 => i16::from_le_bytes(self.take()?).into(),
+            Scalar::U16 => u16::from_le_bytes(self.take()?).into(),
+            Scalar::I32 => i32::from_le_bytes(self.take()?).into(),
+            Scalar::U32 => u32::from_le_bytes(self.take()?).into(),
+            Scalar::F32 => f32::from_le_bytes(self.take()?).into(),
+            Scalar::F64 => f64::from_le_bytes(self.take()?),
+        })
+    }
+
+    fn place(&self) -> Place {
+        Place::Byte(self.at as u64)
+    }
+
+    fn remaining(&self) -> u64 {
+        self.file.len().saturating_sub(self.at) as u64
+    }
+
+    fn least_bytes(&self, property: &Property) -> u64 {
+        property.list.unwrap_or(property.scalar).size() as u64
+    }
+}

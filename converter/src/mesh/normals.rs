@@ -1,0 +1,71 @@
+//! Vertex normals.
+//!
+//! Each face counts with its cross product over the squared lengths of the two edges at the vertex, that is by sin(angle) / (edge · edge): exact on
+//! a sphere whatever the triangulation (Max, "Weights for Computing Vertex Normals from Facet Normals", 1999).
+//!
+//! Copies of one vertex whose normals point nearly the same or nearly opposite ways lie on one sheet that was cut for
+//! topology's sake; they share one normal, up to sign, so that the cut does not show.
+
+use super::ManifoldMesh;
+use super::adjacency::{UnionFind, id};
+use glam::DVec3;
+
+/// Copies lie on one sheet if the cosine between their normals is at least this (45°).
+const SAME_SHEET: f64 = 0.707;
+
+/// Unit normals; +z where all faces at a vertex have no area.
+pub(super) fn vertex_normals(mesh: &ManifoldMesh) -> Vec<DVec3> {
+    let mut sums = vec![DVec3::ZERO; mesh.positions.len()];
+    for t in &mesh.triangles {
+        let [a, b, c] = t.map(|v| mesh.positions[v as usize]);
+        let edges = [b - a, c - b, a - c];
+        let normal = edges[0].cross(-edges[2]);
+        let squares = edges.map(DVec3::length_squared);
+        for k in 0..3 {
+            let weighted = normal / squares[k] / squares[(k + 2) % 3];
+            if weighted.is_finite() {
+                sums[t[k] as usize] += weighted;
+            }
+        }
+    }
+    share_among_copies(&mesh.origin, &mut sums);
+    for n in &mut sums {
+        *n = unit(*n).unwrap_or(DVec3::Z);
+    }
+    sums
+}
+
+/// `v` at length 1, also where the square of its length would overflow or vanish.
+fn unit(v: DVec3) -> Option<DVec3> {
+    let scaled = v / v.abs().max_element();
+    let unit = scaled / scaled.length();
+    unit.is_finite().then_some(unit)
+}
+
+fn share_among_copies(origin: &[u32], sums: &mut [DVec3]) {
+    let mut vertices: Vec<u32> = (0..id(origin.len())).collect();
+    vertices.sort_by_key(|&v| origin[v as usize]);
+    for copies in vertices.chunk_by(|&a, &b| origin[a as usize] == origin[b as usize]) {
+        if copies.len() == 1 {
+            continue;
+        }
+        let own: Vec<DVec3> = copies.iter().map(|&v| unit(sums[v as usize]).unwrap_or(DVec3::ZERO)).collect();
+        let mut sheets = UnionFind::new(copies.len());
+        for i in 0..copies.len() {
+            for j in 0..i {
+                if own[i].dot(own[j]).abs() >= SAME_SHEET {
+                    sheets.union(id(i), id(j));
+                }
+            }
+        }
+        let mut shared = vec![DVec3::ZERO; copies.len()];
+        let roots: Vec<usize> = (0..copies.len()).map(|i| sheets.find(id(i)) as usize).collect();
+        let sense = |i: usize, root: usize| if own[i].dot(own[root]) < 0.0 { -1.0 } else { 1.0 };
+        for (i, &root) in roots.iter().enumerate() {
+            shared[root] += sums[copies[i] as usize] * sense(i, root);
+        }
+        for (i, &root) in roots.iter().enumerate() {
+            sums[copies[i] as usize] = shared[root] * sense(i, root);
+        }
+    }
+}

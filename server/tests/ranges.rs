@@ -1,5 +1,7 @@
 //! Byte ranges and conditions of `/files`, against RFC 9110, on a real socket.
 
+#![allow(clippy::unwrap_used, reason = "helpers of tests")]
+
 mod support;
 
 use marquetry_server::Config;
@@ -104,59 +106,47 @@ fn ranges_give_what_rfc_9110_says() {
         ("seconds=1-2".to_owned(), Whole),
     ];
     for (range, expected) in table {
-        let answer = fixture.send("GET", &[("Range", &range)]);
-        let bytes = &fixture.bytes;
-        let content_range =
-            |part: &Range<usize>| format!("bytes {}-{}/{n}", part.start, part.end - 1);
-        match expected {
-            Whole => {
-                assert_eq!(answer.status, 200, "{range}");
-                assert_eq!(answer.header("content-range"), None, "{range}");
-                assert!(answer.body == *bytes, "{range}");
-            }
-            Part(part) => {
-                assert_eq!(answer.status, 206, "{range}");
-                assert_eq!(
-                    answer.header("content-range"),
-                    Some(content_range(&part).as_str()),
-                    "{range}"
-                );
-                assert!(answer.body == bytes[part], "{range}");
-            }
-            Parts(parts) => {
-                assert_eq!(answer.status, 206, "{range}");
-                assert_eq!(answer.header("content-range"), None, "{range}");
-                let found = multipart(&answer);
-                assert_eq!(found.len(), parts.len(), "{range}");
-                for ((found_range, body), part) in found.iter().zip(parts) {
-                    assert_eq!(*found_range, content_range(&part), "{range}");
-                    assert!(*body == bytes[part], "{range}");
-                }
-            }
-            Unsatisfiable => {
-                assert_eq!(answer.status, 416, "{range}");
-                let expected = format!("bytes */{n}");
-                assert_eq!(
-                    answer.header("content-range"),
-                    Some(expected.as_str()),
-                    "{range}"
-                );
+        check(&fixture, &range, expected);
+    }
+}
+
+fn check(fixture: &Fixture, range: &str, expected: Expected) {
+    let answer = fixture.send("GET", &[("Range", range)]);
+    let bytes = &fixture.bytes;
+    let n = bytes.len();
+    let content_range = |part: &Range<usize>| format!("bytes {}-{}/{n}", part.start, part.end - 1);
+    let found_range = answer.header("content-range");
+    match expected {
+        Expected::Whole => {
+            assert_eq!(answer.status, 200, "{range}");
+            assert_eq!(found_range, None, "{range}");
+            assert!(answer.body == *bytes, "{range}");
+        }
+        Expected::Part(part) => {
+            assert_eq!(answer.status, 206, "{range}");
+            assert_eq!(found_range, Some(content_range(&part).as_str()), "{range}");
+            assert!(answer.body == bytes[part], "{range}");
+        }
+        Expected::Parts(parts) => {
+            assert_eq!(answer.status, 206, "{range}");
+            assert_eq!(found_range, None, "{range}");
+            let found = multipart(&answer);
+            assert_eq!(found.len(), parts.len(), "{range}");
+            for ((found_range, body), part) in found.iter().zip(parts) {
+                assert_eq!(*found_range, content_range(&part), "{range}");
+                assert!(*body == bytes[part], "{range}");
             }
         }
-        let length = answer.body.len().to_string();
-        assert_eq!(
-            answer.header("content-length"),
-            Some(length.as_str()),
-            "{range}"
-        );
-        if answer.status != 416 {
-            assert_eq!(
-                answer.header("etag"),
-                Some(fixture.etag.as_str()),
-                "{range}"
-            );
-            assert_eq!(answer.header("accept-ranges"), Some("bytes"), "{range}");
+        Expected::Unsatisfiable => {
+            assert_eq!(answer.status, 416, "{range}");
+            assert_eq!(found_range, Some(format!("bytes */{n}").as_str()), "{range}");
         }
+    }
+    let length = answer.body.len().to_string();
+    assert_eq!(answer.header("content-length"), Some(length.as_str()), "{range}");
+    if answer.status != 416 {
+        assert_eq!(answer.header("etag"), Some(fixture.etag.as_str()), "{range}");
+        assert_eq!(answer.header("accept-ranges"), Some("bytes"), "{range}");
     }
 }
 
@@ -185,13 +175,11 @@ fn multipart(answer: &Answer) -> Vec<(String, Vec<u8>)> {
         let next = find(rest, between.as_bytes());
         let end = next.unwrap_or_else(|| find(rest, closing.as_bytes()).unwrap());
         parts.push((range.to_owned(), rest[..end].to_vec()));
-        match next {
-            Some(_) => rest = &rest[end + between.len()..],
-            None => {
-                assert_eq!(&rest[end..], closing.as_bytes());
-                return parts;
-            }
+        if next.is_none() {
+            assert_eq!(&rest[end..], closing.as_bytes());
+            return parts;
         }
+        rest = &rest[end + between.len()..];
     }
 }
 

@@ -1,5 +1,7 @@
 //! Everything but byte ranges: pages, catalogue, viewer, headers, names, deadlines, the end.
 
+#![allow(clippy::unwrap_used, reason = "helpers of tests")]
+
 mod support;
 
 use marquetry_format::source::SliceSource;

@@ -15,12 +15,16 @@
 //! [`Parametrization::flipped`] says so.
 
 mod certify;
-mod chords;
 mod cholesky;
+mod chords;
 mod dissection;
 mod edges;
 mod flatten;
 mod stretch;
+#[cfg(test)]
+pub(crate) mod test_patches;
+#[cfg(test)]
+mod tests;
 mod tutte;
 
 use crate::atlas::patch::{Border, Patch};
@@ -66,12 +70,28 @@ pub fn parameterize(patch: &mut Patch, borders: &[Border]) -> Parametrization {
     }
     let mut system = tutte::System::of(&edges, &on_side);
     let mut weights = tutte::cotangent_weights(&patch.positions, &patch.triangles, &edges);
-    relax(patch, &edges, &mut system, &metric, &mut weights, &mut uv, &mut best);
+    relax(
+        patch,
+        &edges,
+        &mut system,
+        &metric,
+        &mut weights,
+        &mut uv,
+        &mut best,
+    );
     if best.is_certified() {
         return best.take();
     }
     weights = tutte::uniform_weights(&edges);
-    relax(patch, &edges, &mut system, &metric, &mut weights, &mut uv, &mut best);
+    relax(
+        patch,
+        &edges,
+        &mut system,
+        &metric,
+        &mut weights,
+        &mut uv,
+        &mut best,
+    );
     if best.is_certified() {
         return best.take();
     }
@@ -146,7 +166,11 @@ impl Best {
     /// Keeps the map if it is better; true if it is so by a worthwhile margin.
     fn offer(&mut self, uv: &[DVec2], flipped: u32, stretch: f64) -> bool {
         let Some(best) = &mut self.map else {
-            self.map = Some(Parametrization { uv: uv.to_vec(), flipped, stretch });
+            self.map = Some(Parametrization {
+                uv: uv.to_vec(),
+                flipped,
+                stretch,
+            });
             return true;
         };
         let better = flipped < best.flipped || (flipped == best.flipped && stretch < best.stretch);

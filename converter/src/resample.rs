@@ -14,6 +14,8 @@ mod borders;
 mod locate;
 mod overlay;
 mod polygon;
+#[cfg(test)]
+mod tests;
 mod tighten;
 
 use crate::atlas::patch::{Attributes, Border, Patch};
@@ -48,7 +50,12 @@ pub struct Window {
 impl Window {
     /// The whole chart.
     pub fn whole(resolution: u8) -> Self {
-        Self { resolution, x: 0, y: 0, cells: 1 << resolution }
+        Self {
+            resolution,
+            x: 0,
+            y: 0,
+            cells: 1 << resolution,
+        }
     }
 }
 
@@ -68,11 +75,19 @@ pub struct GridError {
 
 /// Samples the patch at `resolution`; border samples come from `borders` (evaluated in the border's own direction), so
 /// both charts of a border get bit-equal ones.
-pub fn resample(patch: &Patch, parametrization: &Parametrization, borders: &[Border], resolution: u8) -> Grid {
+pub fn resample(
+    patch: &Patch,
+    parametrization: &Parametrization,
+    borders: &[Border],
+    resolution: u8,
+) -> Grid {
     let window = Window::whole(resolution);
     let mut raster = Raster::new(window);
     for (corners, triangle) in patch.triangles.iter().zip(0u32..) {
-        raster.draw(triangle, corners.map(|vertex| parametrization.uv[vertex as usize]));
+        raster.draw(
+            triangle,
+            corners.map(|vertex| parametrization.uv[vertex as usize]),
+        );
     }
     raster.into_grid(patch, &parametrization.uv, borders)
 }
@@ -98,7 +113,13 @@ pub fn grid_errors(
     positions: &[DVec3],
 ) -> Vec<GridError> {
     let all: Vec<u32> = (0u32..).take(patch.triangles.len()).collect();
-    overlay::errors(patch, &parametrization.uv, &all, Window::whole(resolution), positions)
+    overlay::errors(
+        patch,
+        &parametrization.uv,
+        &all,
+        Window::whole(resolution),
+        positions,
+    )
 }
 
 /// Errors over a window: `result[k]` where it is drawn with 2^k cells a side, up to `window.cells`.
@@ -126,7 +147,11 @@ impl<'a> Sampler<'a> {
     /// Sorts the triangles.
     pub fn new(patch: &'a Patch, parametrization: &'a Parametrization) -> Self {
         let bins = Bins::new(&patch.triangles, &parametrization.uv);
-        Self { patch, parametrization, bins }
+        Self {
+            patch,
+            parametrization,
+            bins,
+        }
     }
 
     /// See [`resample_window`].
@@ -134,7 +159,10 @@ impl<'a> Sampler<'a> {
         let mut raster = Raster::new(window);
         for triangle in self.bins.touching(window) {
             let corners = self.patch.triangles[triangle as usize];
-            raster.draw(triangle, corners.map(|vertex| self.parametrization.uv[vertex as usize]));
+            raster.draw(
+                triangle,
+                corners.map(|vertex| self.parametrization.uv[vertex as usize]),
+            );
         }
         raster.into_grid(self.patch, &self.parametrization.uv, borders)
     }
@@ -142,6 +170,12 @@ impl<'a> Sampler<'a> {
     /// See [`grid_errors_window`].
     pub fn errors(&self, window: Window, positions: &[DVec3]) -> Vec<GridError> {
         let triangles = self.bins.touching(window);
-        overlay::errors(self.patch, &self.parametrization.uv, &triangles, window, positions)
+        overlay::errors(
+            self.patch,
+            &self.parametrization.uv,
+            &triangles,
+            window,
+            positions,
+        )
     }
 }

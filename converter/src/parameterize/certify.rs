@@ -44,10 +44,18 @@ mod tests {
     #[test]
     fn a_face_thinner_than_rounding_is_seen() {
         let tiny = f64::EPSILON / 4.0;
-        let uv = [DVec2::new(0.1, 0.1), DVec2::new(0.3, 0.3), DVec2::new(0.2, 0.2 + tiny)];
+        let uv = [
+            DVec2::new(0.1, 0.1),
+            DVec2::new(0.3, 0.3),
+            DVec2::new(0.2, 0.2 + tiny),
+        ];
         let exact = count_flipped(&[[0, 1, 2]], &uv) == 0;
         assert_eq!(exact, orientation(uv[0], uv[1], uv[2]) > 0.0);
-        let doubled = [DVec2::new(0.5, 0.5), DVec2::new(12.0, 12.0), DVec2::new(24.0, 24.0_f64.next_up())];
+        let doubled = [
+            DVec2::new(0.5, 0.5),
+            DVec2::new(12.0, 12.0),
+            DVec2::new(24.0, 24.0_f64.next_up()),
+        ];
         assert_eq!(count_flipped(&[[0, 1, 2]], &doubled), 0);
     }
 }

@@ -129,7 +129,10 @@ impl Cholesky {
                 let i = self.pattern[at] as usize;
                 let value = std::mem::take(&mut self.row[i]);
                 let (start, end) = (self.factor_starts[i] as usize, self.factor_ends[i] as usize);
-                for (&row, &entry) in self.factor_rows[start..end].iter().zip(&self.factor[start..end]) {
+                for (&row, &entry) in self.factor_rows[start..end]
+                    .iter()
+                    .zip(&self.factor[start..end])
+                {
                     self.row[row as usize] -= entry * value;
                 }
                 let entry = value / self.pivots[i];
@@ -171,7 +174,9 @@ impl Cholesky {
     pub(super) fn solve(&self, right: &mut [DVec2]) {
         let column = |k: usize| {
             let range = self.factor_starts[k] as usize..self.factor_ends[k] as usize;
-            self.factor_rows[range.clone()].iter().zip(&self.factor[range])
+            self.factor_rows[range.clone()]
+                .iter()
+                .zip(&self.factor[range])
         };
         for k in 0..right.len() {
             let value = right[k];

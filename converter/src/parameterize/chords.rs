@@ -22,7 +22,11 @@ pub(super) fn split(patch: &mut Patch, edges: &Edges) -> bool {
     }
     let mut triangles = Vec::with_capacity(patch.triangles.len() + patch.triangles.len() / 4);
     for (&corners, ids) in patch.triangles.iter().zip(&edges.of_triangle) {
-        push_split(corners, ids.map(|edge| midpoint[edge as usize]), &mut triangles);
+        push_split(
+            corners,
+            ids.map(|edge| midpoint[edge as usize]),
+            &mut triangles,
+        );
     }
     patch.triangles = triangles;
     true
@@ -42,7 +46,9 @@ fn side_masks(patch: &Patch) -> Vec<u8> {
 fn add_midpoint(patch: &mut Patch, a: usize, b: usize) -> u32 {
     let (from, to) = (patch.attributes[a], patch.attributes[b]);
     let vertex = u32::try_from(patch.positions.len()).unwrap_or(NONE);
-    patch.positions.push((patch.positions[a] + patch.positions[b]) * 0.5);
+    patch
+        .positions
+        .push((patch.positions[a] + patch.positions[b]) * 0.5);
     patch.attributes.push(Attributes {
         normal: (from.normal + to.normal).normalize_or_zero(),
         colour: (from.colour + to.colour) * 0.5,

@@ -31,7 +31,9 @@ pub(super) fn order(count: u32, pairs: &[[u32; 2]]) -> Vec<u32> {
             continue;
         }
         let [first, second] = dissection.split(&mut members[start..end]);
-        for (place, &member) in (start + first + second..end).zip(&members[start + first + second..end]) {
+        for (place, &member) in
+            (start + first + second..end).zip(&members[start + first + second..end])
+        {
             places[member as usize] = index(place);
         }
         parts.push((start, start + first));
@@ -118,7 +120,11 @@ impl Dissection {
             members.copy_from_slice(&self.queue[..rest]);
             return [reached, members.len() - reached];
         }
-        let middle = self.levels.partition_point(|&start| start <= reached / 2).max(1) - 1;
+        let middle = self
+            .levels
+            .partition_point(|&start| start <= reached / 2)
+            .max(1)
+            - 1;
         let start = self.levels[middle];
         let end = self.levels.get(middle + 1).copied().unwrap_or(reached);
         let (before, after) = (start, reached - end);

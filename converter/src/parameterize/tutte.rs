@@ -18,14 +18,22 @@ const WEIGHT_RANGE: [f64; 2] = [1e-6, 1e6];
 const REFINEMENTS: usize = 3;
 
 /// The mean of the cotangents opposite every edge, clamped.
-pub(super) fn cotangent_weights(positions: &[DVec3], triangles: &[[u32; 3]], edges: &Edges) -> Vec<f64> {
+pub(super) fn cotangent_weights(
+    positions: &[DVec3],
+    triangles: &[[u32; 3]],
+    edges: &Edges,
+) -> Vec<f64> {
     let mut weights = vec![0.0; edges.ends.len()];
     for (corners, ids) in triangles.iter().zip(&edges.of_triangle) {
         let [a, b, c] = corners.map(|vertex| positions[vertex as usize]);
         let doubled_area = (b - a).cross(c - a).length();
         let half_cotangent = |apex: DVec3, from: DVec3, to: DVec3| {
             let cotangent = 0.5 * (from - apex).dot(to - apex) / doubled_area;
-            if cotangent.is_nan() { 0.0 } else { cotangent.clamp(-COTANGENT_RANGE[1], COTANGENT_RANGE[1]) }
+            if cotangent.is_nan() {
+                0.0
+            } else {
+                cotangent.clamp(-COTANGENT_RANGE[1], COTANGENT_RANGE[1])
+            }
         };
         weights[ids[0] as usize] += half_cotangent(c, a, b);
         weights[ids[1] as usize] += half_cotangent(a, b, c);
@@ -93,7 +101,12 @@ impl System {
         for id in unknown.iter_mut().filter(|id| **id != NONE) {
             *id = order[*id as usize];
         }
-        Self { unknown, entry, cholesky, right: vec![DVec2::ZERO; count as usize] }
+        Self {
+            unknown,
+            entry,
+            cholesky,
+            right: vec![DVec2::ZERO; count as usize],
+        }
     }
 
     /// Moves the unknowns of `uv` to their solution; the others are given.

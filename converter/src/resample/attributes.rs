@@ -22,7 +22,10 @@ pub(super) fn within_segment(from: Attributes, to: Attributes, along: f64) -> At
     }
 }
 
-#[expect(clippy::cast_possible_truncation, reason = "attributes are f32, rounding is meant")]
+#[expect(
+    clippy::cast_possible_truncation,
+    reason = "attributes are f32, rounding is meant"
+)]
 fn narrow(weight: f64) -> f32 {
     weight as f32
 }

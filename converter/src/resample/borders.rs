@@ -19,11 +19,20 @@ pub(super) fn side_of(i: u32, j: u32, cells: u32) -> Option<(usize, u32)> {
 /// Sample `step` of 0..=2^resolution along a side.
 ///
 /// It is evaluated at the border's own parameter, whichever way the side runs, so both charts compute the same bits.
-pub(super) fn sample(patch: &Patch, borders: &[Border], side: usize, step: u32, resolution: u8) -> (DVec3, Attributes) {
+pub(super) fn sample(
+    patch: &Patch,
+    borders: &[Border],
+    side: usize,
+    step: u32,
+    resolution: u8,
+) -> (DVec3, Attributes) {
     let (border, forward) = patch.borders[side];
     let cells = 1u32 << resolution;
     let step = if forward { step } else { cells - step };
-    at(&borders[border as usize], f64::from(step) / f64::from(cells))
+    at(
+        &borders[border as usize],
+        f64::from(step) / f64::from(cells),
+    )
 }
 
 /// The border at parameter `param` in [0, 1]; its own points are met exactly.
@@ -39,5 +48,8 @@ fn at(border: &Border, param: f64) -> (DVec3, Attributes) {
     let from = next - 1;
     let along = (param - border.params[from]) / (border.params[next] - border.params[from]);
     let position = border.points[from] + (border.points[next] - border.points[from]) * along;
-    (position, within_segment(border.attributes[from], border.attributes[next], along))
+    (
+        position,
+        within_segment(border.attributes[from], border.attributes[next], along),
+    )
 }

@@ -4,8 +4,8 @@
 //! boundary included. Containment is decided by exact predicates (Shewchuk 1997) on the stored coordinates, and sample
 //! coordinates are dyadic and so exact: a certified parametrization leaves no sample out.
 
-use super::borders::{sample, side_of};
 use super::attributes::within_triangle;
+use super::borders::{sample, side_of};
 use super::{Grid, Window};
 use crate::atlas::patch::{Border, Patch};
 use crate::parameterize::orientation;
@@ -34,12 +34,21 @@ pub(super) struct Raster {
 impl Raster {
     pub(super) fn new(window: Window) -> Self {
         let samples = (window.cells as usize + 1).pow(2);
-        Self { window, owners: vec![NONE; samples], weights: vec![[0.0; 3]; samples] }
+        Self {
+            window,
+            owners: vec![NONE; samples],
+            weights: vec![[0.0; 3]; samples],
+        }
     }
 
     /// Takes the free samples inside the triangle, those on the chart's sides excepted. Call in order of index.
     pub(super) fn draw(&mut self, triangle: u32, corners: [DVec2; 3]) {
-        let Window { resolution, x, y, cells } = self.window;
+        let Window {
+            resolution,
+            x,
+            y,
+            cells,
+        } = self.window;
         let scale = f64::from(1u32 << resolution);
         let last = (1u32 << resolution) - 1;
         let low = corners[0].min(corners[1]).min(corners[2]) * scale;
@@ -47,14 +56,20 @@ impl Raster {
         if !(low.is_finite() && high.is_finite()) {
             return;
         }
-        let Some((first_row, last_row)) = inner_range(low.y, high.y, y, y + cells, last) else { return };
+        let Some((first_row, last_row)) = inner_range(low.y, high.y, y, y + cells, last) else {
+            return;
+        };
         if inner_range(low.x, high.x, x, x + cells, last).is_none() {
             return;
         }
         for j in first_row..=last_row {
-            let Some((from, to)) = row_span(corners, f64::from(j) / scale) else { continue };
+            let Some((from, to)) = row_span(corners, f64::from(j) / scale) else {
+                continue;
+            };
             let (from, to) = (from * scale - SPAN_MARGIN, to * scale + SPAN_MARGIN);
-            let Some((from, to)) = inner_range(from, to, x, x + cells, last) else { continue };
+            let Some((from, to)) = inner_range(from, to, x, x + cells, last) else {
+                continue;
+            };
             for i in from..=to {
                 let at = (j - y) as usize * (cells as usize + 1) + (i - x) as usize;
                 if self.owners[at] == NONE {
@@ -70,7 +85,12 @@ impl Raster {
 
     /// Evaluates all samples.
     pub(super) fn into_grid(self, patch: &Patch, uv: &[DVec2], borders: &[Border]) -> Grid {
-        let Window { resolution, x, y, cells } = self.window;
+        let Window {
+            resolution,
+            x,
+            y,
+            cells,
+        } = self.window;
         let mut grid = Grid {
             resolution,
             positions: Vec::with_capacity(self.owners.len()),
@@ -79,17 +99,23 @@ impl Raster {
         let mut at = 0;
         for j in y..=y + cells {
             for i in x..=x + cells {
-                let (position, attributes) = if let Some((side, step)) = side_of(i, j, 1 << resolution) {
+                let (position, attributes) = if let Some((side, step)) =
+                    side_of(i, j, 1 << resolution)
+                {
                     sample(patch, borders, side, step, resolution)
                 } else {
                     let (mut owner, mut weights) = (self.owners[at], self.weights[at]);
                     if owner == NONE {
                         let scale = f64::from(1u32 << resolution);
-                        (owner, weights) = nearest(patch, uv, DVec2::new(f64::from(i), f64::from(j)) / scale);
+                        (owner, weights) =
+                            nearest(patch, uv, DVec2::new(f64::from(i), f64::from(j)) / scale);
                     }
                     let corners = patch.triangles[owner as usize].map(|vertex| vertex as usize);
                     let position = blend(corners.map(|vertex| patch.positions[vertex]), weights);
-                    (position, within_triangle(corners.map(|vertex| patch.attributes[vertex]), weights))
+                    (
+                        position,
+                        within_triangle(corners.map(|vertex| patch.attributes[vertex]), weights),
+                    )
                 };
                 grid.positions.push(position);
                 grid.attributes.push(attributes);
@@ -101,7 +127,11 @@ impl Raster {
 }
 
 /// The integers in `low..=high` that lie in a window's `from..=to` and inside the chart, in `1..=last`.
-#[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped to u32 before the cast")]
+#[expect(
+    clippy::cast_possible_truncation,
+    clippy::cast_sign_loss,
+    reason = "clamped to u32 before the cast"
+)]
 fn inner_range(low: f64, high: f64, from: u32, to: u32, last: u32) -> Option<(u32, u32)> {
     let low = low.ceil().max(f64::from(from.max(1)));
     let high = high.floor().min(f64::from(to.min(last)));
@@ -129,7 +159,11 @@ fn row_span([a, b, c]: [DVec2; 3], v: f64) -> Option<(f64, f64)> {
 
 /// Barycentric coordinates of a point in a triangle of either orientation, `None` outside or if it has no area.
 fn containing_weights([a, b, c]: [DVec2; 3], point: DVec2) -> Option<[f64; 3]> {
-    let weights = [orientation(b, c, point), orientation(c, a, point), orientation(a, b, point)];
+    let weights = [
+        orientation(b, c, point),
+        orientation(c, a, point),
+        orientation(a, b, point),
+    ];
     let inside = weights.iter().all(|&w| w >= 0.0) || weights.iter().all(|&w| w <= 0.0);
     let sum = weights[0] + weights[1] + weights[2];
     (inside && sum != 0.0).then(|| weights.map(|w| w / sum))
@@ -145,7 +179,8 @@ fn nearest(patch: &Patch, uv: &[DVec2], point: DVec2) -> (u32, [f64; 3]) {
         }
         for k in 0..3 {
             let (from, to) = (corners[k], corners[(k + 1) % 3]);
-            let along = ((point - from).dot(to - from) / (to - from).length_squared()).clamp(0.0, 1.0);
+            let along =
+                ((point - from).dot(to - from) / (to - from).length_squared()).clamp(0.0, 1.0);
             let along = if along.is_nan() { 0.0 } else { along };
             let distance = point.distance_squared(from + (to - from) * along);
             if distance < best.0 {
@@ -182,7 +217,12 @@ impl Bins {
             .map(|corners| {
                 let [a, b, c] = corners.map(|vertex| uv[vertex as usize]);
                 let (low, high) = (a.min(b).min(c), a.max(b).max(c));
-                [bin(low.x, side), bin(low.y, side), bin(high.x, side), bin(high.y, side)]
+                [
+                    bin(low.x, side),
+                    bin(low.y, side),
+                    bin(high.x, side),
+                    bin(high.y, side),
+                ]
             })
             .collect();
         let mut starts = vec![0u32; (side as usize).pow(2) + 1];
@@ -200,7 +240,11 @@ impl Bins {
                 next[at] += 1;
             });
         }
-        Self { side, starts, triangles: sorted }
+        Self {
+            side,
+            starts,
+            triangles: sorted,
+        }
     }
 
     /// Triangles that may touch a window, its boundary included, by index.
@@ -209,7 +253,12 @@ impl Bins {
         let place = |cell: u32| bin(f64::from(cell) / scale, self.side);
         // A triangle that ends exactly on the window's first line may lie in the bin before it.
         let before = |cell: u32| place(cell).saturating_sub(1);
-        let bounds = [before(window.x), before(window.y), place(window.x + window.cells), place(window.y + window.cells)];
+        let bounds = [
+            before(window.x),
+            before(window.y),
+            place(window.x + window.cells),
+            place(window.y + window.cells),
+        ];
         let mut found = Vec::new();
         for_each_bin(bounds, self.side, |at| {
             let range = self.starts[at] as usize..self.starts[at + 1] as usize;
@@ -221,7 +270,11 @@ impl Bins {
     }
 }
 
-#[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped to the bins; NaN becomes 0")]
+#[expect(
+    clippy::cast_possible_truncation,
+    clippy::cast_sign_loss,
+    reason = "clamped to the bins; NaN becomes 0"
+)]
 fn bin(coordinate: f64, side: u32) -> u32 {
     (coordinate * f64::from(side)).clamp(0.0, f64::from(side - 1)) as u32
 }

@@ -33,7 +33,11 @@ pub(super) fn errors(
     window: Window,
     positions: &[DVec3],
 ) -> Vec<GridError> {
-    let source = Source { patch, uv, neighbours: OnceCell::new() };
+    let source = Source {
+        patch,
+        uv,
+        neighbours: OnceCell::new(),
+    };
     let mut scratch = Scratch::default();
     let mut errors = Vec::new();
     let mut level = 0;
@@ -91,10 +95,18 @@ fn mean_square([a, b, c]: [f64; 3]) -> f64 {
 }
 
 /// The bound, at least `plane`, from the largest squared gap of every triangle.
-fn tightened(source: &Source, image: &Image, loose: &mut Vec<(f64, u32)>, plane: f64, scratch: &mut Scratch) -> f64 {
+fn tightened(
+    source: &Source,
+    image: &Image,
+    loose: &mut Vec<(f64, u32)>,
+    plane: f64,
+    scratch: &mut Scratch,
+) -> f64 {
     let mut max = plane;
     let threshold = (plane * TIGHT_ENOUGH).powi(2);
-    let most = loose.iter().fold(0.0f64, |most, &(square, _)| most.max(square));
+    let most = loose
+        .iter()
+        .fold(0.0f64, |most, &(square, _)| most.max(square));
     if most <= threshold {
         return most.sqrt().max(plane);
     }
@@ -135,23 +147,55 @@ fn visit(
     let high = corners[0].place.max(corners[1].place).max(corners[2].place);
     let end = f64::from(image.cells);
     // Not `low > end`, so that NaN leaves here too.
-    if !(low.max_element() <= f64::MAX && low.x <= end && low.y <= end && high.x >= 0.0 && high.y >= 0.0) {
+    if !(low.max_element() <= f64::MAX
+        && low.x <= end
+        && low.y <= end
+        && high.x >= 0.0
+        && high.y >= 0.0)
+    {
         return;
     }
-    let ([x0, x1], [y0, y1]) = (image.cell_range(low.x, high.x), image.cell_range(low.y, high.y));
+    let ([x0, x1], [y0, y1]) = (
+        image.cell_range(low.x, high.x),
+        image.cell_range(low.y, high.y),
+    );
     if x0 == x1 && y0 == y1 && low.min_element() >= 0.0 && high.max_element() <= end {
         let cell = DVec2::new(f64::from(x0), f64::from(y0));
         let sides = corners.map(|corner| above_diagonal(corner.place - cell));
         if sides.iter().all(|&side| side <= 0.0) {
-            return emit(Half { x: x0, y: y0, upper: false }, &corners);
+            return emit(
+                Half {
+                    x: x0,
+                    y: y0,
+                    upper: false,
+                },
+                &corners,
+            );
         }
         if sides.iter().all(|&side| side >= 0.0) {
-            return emit(Half { x: x0, y: y0, upper: true }, &corners);
+            return emit(
+                Half {
+                    x: x0,
+                    y: y0,
+                    upper: true,
+                },
+                &corners,
+            );
         }
     }
     let [rest, row, row_rest, cell, cell_rest] = &mut scratch.polygons;
-    let horizontal = |line: f64| (move |c: &Place| c.place.y - line, move |c: &mut Place| c.place.y = line);
-    let vertical = |line: f64| (move |c: &Place| c.place.x - line, move |c: &mut Place| c.place.x = line);
+    let horizontal = |line: f64| {
+        (
+            move |c: &Place| c.place.y - line,
+            move |c: &mut Place| c.place.y = line,
+        )
+    };
+    let vertical = |line: f64| {
+        (
+            move |c: &Place| c.place.x - line,
+            move |c: &mut Place| c.place.x = line,
+        )
+    };
     row.set(corners);
     cut(row, horizontal(f64::from(y0)), cell, rest);
     for y in y0..=y1 {
@@ -194,7 +238,10 @@ struct Place {
 }
 
 impl Corner for Place {
-    const BLANK: Self = Self { place: DVec2::ZERO, surface: DVec3::ZERO };
+    const BLANK: Self = Self {
+        place: DVec2::ZERO,
+        surface: DVec3::ZERO,
+    };
 
     fn towards(self, other: Self, along: f64) -> Self {
         Self {
@@ -213,7 +260,10 @@ struct Scratch {
 
 impl Default for Scratch {
     fn default() -> Self {
-        Self { polygons: [Polygon::EMPTY; 5], loose: Vec::new() }
+        Self {
+            polygons: [Polygon::EMPTY; 5],
+            loose: Vec::new(),
+        }
     }
 }
 
@@ -280,11 +330,20 @@ impl<'a> Image<'a> {
             let corner = self.sample(x + 1, y);
             (corner - base, opposite - corner)
         };
-        Facet { corner: DVec2::new(f64::from(x), f64::from(y)), base, along_u, along_v }
+        Facet {
+            corner: DVec2::new(f64::from(x), f64::from(y)),
+            base,
+            along_u,
+            along_v,
+        }
     }
 
     /// The cells that a span of one coordinate touches, kept inside the window.
-    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped to the window's cells")]
+    #[expect(
+        clippy::cast_possible_truncation,
+        clippy::cast_sign_loss,
+        reason = "clamped to the window's cells"
+    )]
     fn cell_range(&self, low: f64, high: f64) -> [u32; 2] {
         let last = f64::from(self.cells - 1);
         let first = low.floor().clamp(0.0, last);
@@ -307,10 +366,22 @@ impl Surface for Image<'_> {
     fn across(&self, Half { x, y, upper }: Half, edge: usize) -> Option<Half> {
         match (upper, edge) {
             (false, 0) => y.checked_sub(1).map(|y| Half { x, y, upper: true }),
-            (false, 1) => (x + 1 < self.cells).then_some(Half { x: x + 1, y, upper: true }),
-            (true, 1) => (y + 1 < self.cells).then_some(Half { x, y: y + 1, upper: false }),
+            (false, 1) => (x + 1 < self.cells).then_some(Half {
+                x: x + 1,
+                y,
+                upper: true,
+            }),
+            (true, 1) => (y + 1 < self.cells).then_some(Half {
+                x,
+                y: y + 1,
+                upper: false,
+            }),
             (true, 2) => x.checked_sub(1).map(|x| Half { x, y, upper: false }),
-            _ => Some(Half { x, y, upper: !upper }),
+            _ => Some(Half {
+                x,
+                y,
+                upper: !upper,
+            }),
         }
     }
 }
@@ -330,8 +401,42 @@ impl Surface for Source<'_> {
     }
 
     fn across(&self, triangle: u32, edge: usize) -> Option<u32> {
-        let neighbours = self.neighbours.get_or_init(|| Edges::of(&self.patch.triangles).neighbours());
+        let neighbours = self
+            .neighbours
+            .get_or_init(|| Edges::of(&self.patch.triangles).neighbours());
         let beyond = neighbours[triangle as usize][edge];
         (beyond != u32::MAX).then_some(beyond)
     }
+}
+
+/// Largest |S − I| over the overlay: the bound before it is tightened.
+#[cfg(test)]
+pub(super) fn parametric_maximum(
+    patch: &Patch,
+    uv: &[DVec2],
+    window: Window,
+    positions: &[DVec3],
+) -> f64 {
+    let source = Source {
+        patch,
+        uv,
+        neighbours: OnceCell::new(),
+    };
+    let image = Image::of(window, 0, positions);
+    let mut farthest = 0.0f64;
+    for triangle in (0u32..).take(patch.triangles.len()) {
+        visit(
+            &source,
+            &image,
+            triangle,
+            &mut Scratch::default(),
+            |half, corners| {
+                for corner in corners {
+                    farthest =
+                        farthest.max(corner.surface.distance(image.facet(half).at(corner.place)));
+                }
+            },
+        );
+    }
+    farthest
 }

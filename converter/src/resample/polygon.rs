@@ -31,7 +31,10 @@ pub(super) struct Polygon<C> {
 }
 
 impl<C: Corner> Polygon<C> {
-    pub(super) const EMPTY: Self = Self { length: 0, corners: [C::BLANK; CAPACITY] };
+    pub(super) const EMPTY: Self = Self {
+        length: 0,
+        corners: [C::BLANK; CAPACITY],
+    };
 
     /// The polygon with these corners, at most [`CAPACITY`].
     pub(super) fn set(&mut self, corners: impl IntoIterator<Item = C>) {
@@ -65,7 +68,9 @@ impl<C: Corner> Polygon<C> {
     ) {
         below.length = 0;
         above.length = 0;
-        let Some(last) = self.corners().last() else { return };
+        let Some(last) = self.corners().last() else {
+            return;
+        };
         let (mut from, mut from_height) = (*last, height(last));
         for &to in self.corners() {
             let to_height = height(&to);

@@ -11,7 +11,7 @@ use super::polygon::Polygon;
 use glam::DVec3;
 
 /// Cuts in a row before a piece is taken as it is.
-const DEPTH: u32 = 6;
+const DEPTH: u32 = 14;
 
 /// A triangle mesh that can be walked on.
 pub(super) trait Surface {
@@ -27,11 +27,22 @@ pub(super) trait Surface {
 
 /// Upper bound of the distance from every point of the convex `piece` to `surface`, given that it is near `triangle`; no
 /// effort is made to get below `enough`.
-pub(super) fn bound<S: Surface>(surface: &S, triangle: S::Triangle, piece: &Polygon<DVec3>, enough: f64) -> f64 {
+pub(super) fn bound<S: Surface>(
+    surface: &S,
+    triangle: S::Triangle,
+    piece: &Polygon<DVec3>,
+    enough: f64,
+) -> f64 {
     descend(surface, triangle, piece, enough, DEPTH)
 }
 
-fn descend<S: Surface>(surface: &S, triangle: S::Triangle, piece: &Polygon<DVec3>, enough: f64, depth: u32) -> f64 {
+fn descend<S: Surface>(
+    surface: &S,
+    triangle: S::Triangle,
+    piece: &Polygon<DVec3>,
+    enough: f64,
+    depth: u32,
+) -> f64 {
     let corners = surface.corners(triangle);
     let (mut farthest, mut far_corner) = (0.0, DVec3::ZERO);
     for &corner in piece.corners() {
@@ -47,7 +58,12 @@ fn descend<S: Surface>(surface: &S, triangle: S::Triangle, piece: &Polygon<DVec3
         return farthest;
     };
     let (mut inside, mut outside) = (Polygon::EMPTY, Polygon::EMPTY);
-    piece.cut(|corner| (*corner - plane.0).dot(plane.1), |_| (), &mut inside, &mut outside);
+    piece.cut(
+        |corner| (*corner - plane.0).dot(plane.1),
+        |_| (),
+        &mut inside,
+        &mut outside,
+    );
     let kept = descend(surface, triangle, &inside, enough, depth - 1);
     if kept >= farthest {
         return farthest;
@@ -67,7 +83,9 @@ fn edge_to_cross<S: Surface>(
     let mut most = 0.0;
     for edge in 0..3 {
         let (from, to) = (corners[edge], corners[(edge + 1) % 3]);
-        let Some(beyond) = surface.across(triangle, edge) else { continue };
+        let Some(beyond) = surface.across(triangle, edge) else {
+            continue;
+        };
         let between = normal + unit_normal(surface.corners(beyond));
         let outwards = (to - from).cross(between).normalize_or_zero();
         let height = (point - from).dot(outwards);
@@ -86,7 +104,7 @@ pub(super) fn unit_normal([a, b, c]: [DVec3; 3]) -> DVec3 {
 
 /// The point of a triangle closest to `point` (Ericson, "Real-Time Collision Detection", 2005, 5.1.5); of a flat triangle
 /// some point of it, which bounds the distance from above as well.
-fn closest_point([a, b, c]: [DVec3; 3], point: DVec3) -> DVec3 {
+pub(super) fn closest_point([a, b, c]: [DVec3; 3], point: DVec3) -> DVec3 {
     let (ab, ac, ap) = (b - a, c - a, point - a);
     let (d1, d2) = (ab.dot(ap), ac.dot(ap));
     if d1 <= 0.0 && d2 <= 0.0 {

@@ -168,8 +168,8 @@ impl Shape {
     ///
     /// # Errors
     /// Those of the writer and the reader.
-    pub fn open(self, finest: &Cut) -> Result<(Document, MemorySource), Error> {
-        let source = MemorySource(self.write(finest)?);
+    pub fn open(self, finest: &Cut) -> Result<(Document, Vec<u8>), Error> {
+        let source = self.write(finest)?;
         let mut document = Document::open(&source, Limits::default())?;
         document.load_index(&source)?;
         Ok((document, source))
@@ -206,27 +206,6 @@ impl Shape {
             samples.colours.push((127.5 + 120.0 * position).to_array().map(byte));
         }
         samples
-    }
-}
-
-/// A file in memory.
-#[derive(Debug, Clone)]
-pub struct MemorySource(pub Vec<u8>);
-
-impl marquetry_format::ByteSource for MemorySource {
-    fn length(&self) -> Result<u64, marquetry_format::SourceError> {
-        Ok(self.0.len() as u64)
-    }
-
-    fn read(&self, range: std::ops::Range<u64>) -> Result<Vec<u8>, marquetry_format::SourceError> {
-        let bounds = usize::try_from(range.start).ok().zip(usize::try_from(range.end).ok());
-        bounds.and_then(|(start, end)| self.0.get(start..end)).map(<[u8]>::to_vec).ok_or(
-            marquetry_format::SourceError::OutOfRange {
-                start: range.start,
-                end: range.end,
-                length: self.0.len() as u64,
-            },
-        )
     }
 }
 

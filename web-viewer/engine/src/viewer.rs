@@ -258,6 +258,11 @@ impl Viewer {
         self.redraw
     }
 
+    /// Whether something in the picture is on its way to another resolution, so that every frame differs.
+    pub fn is_animating(&self) -> bool {
+        !self.drawn.is_at_rest(&self.target)
+    }
+
     /// Whether calling [`Viewer::update`] again has a point before input or a delivery comes (morphs, retries, decodes).
     pub fn needs_update(&self) -> bool {
         !self.is_ready()

@@ -1,1 +1,14 @@
 //! Native shell of the engine: window, headless rendering, file and HTTP sources.
+
+pub mod error;
+pub mod headless;
+mod loader;
+pub mod path;
+mod picture;
+pub mod render;
+pub mod source;
+pub mod window;
+
+pub use error::NativeError;
+pub use headless::{Headless, Session};
+pub use picture::Picture;

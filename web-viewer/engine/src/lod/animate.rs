@@ -12,7 +12,7 @@
 use super::cut::{Across, Cut, Leaf, QUADRANTS, SIDES};
 use super::edge_morph::{Morphs, morph_of};
 use marquetry_format::quadtree::PAGE_RESOLUTION;
-use marquetry_format::{Chart, NodeId};
+use marquetry_format::Chart;
 
 /// What is drawn.
 #[derive(Debug, Clone, PartialEq)]
@@ -133,7 +133,7 @@ fn wants_finer(target: &Cut, leaf: Leaf) -> bool {
 
 /// Nodes of `morphs` that are not leaves of `cut`: none, unless there is a mistake here.
 #[cfg(test)]
-fn stray(drawn: &Drawn) -> Vec<NodeId> {
+fn stray(drawn: &Drawn) -> Vec<marquetry_format::NodeId> {
     drawn.morphs.keys().copied().filter(|node| drawn.cut.leaf_over(*node).is_none_or(|leaf| leaf.node != *node)).collect()
 }
 

@@ -48,7 +48,7 @@ pub enum Across {
 
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
 struct ChartCut {
-    /// Resolution of the root; of no meaning while the root is split.
+    /// Resolution of the root; 5 while the root is split, so that equal cuts compare equal.
     resolution: u8,
     /// Nodes whose four children take their place. Closed under taking the parent.
     split: BTreeSet<(u8, u32, u32)>,
@@ -94,6 +94,7 @@ impl Cut {
         if node.parent().is_none_or(|(parent, _)| self.is_split(parent))
             && let Some(cut) = self.chart_mut(node.chart)
         {
+            cut.resolution = PAGE_RESOLUTION;
             cut.split.insert(key(node));
         }
     }

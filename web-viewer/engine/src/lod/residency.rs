@@ -2,6 +2,7 @@
 
 use super::balance;
 use super::cut::{Cut, QUADRANTS};
+use marquetry_format::quadtree::PAGE_RESOLUTION;
 use marquetry_format::{ChartId, Document, NodeId, PageId};
 
 /// The finest balanced cut that is nowhere finer than `wanted` and needs only pages for which `resident` is true.
@@ -9,14 +10,6 @@ use marquetry_format::{ChartId, Document, NodeId, PageId};
 /// Always exists: the base is resident, so every chart can be drawn.
 pub fn restrict(wanted: &Cut, document: &Document, mut resident: impl FnMut(PageId) -> bool) -> Cut {
     let mut cut = wanted.clone();
-    for (index, chart) in document.charts.iter().enumerate() {
-        let Ok(id) = u32::try_from(index) else { break };
-        let base = document.base_resolution.min(chart.resolution);
-        let beyond_base = cut.root_resolution(ChartId(id)).is_none_or(|resolution| resolution > base);
-        if beyond_base && chart.resolution > base && !resident(PageId(id)) {
-            cut.set_root(ChartId(id), base);
-        }
-    }
     let mut split: Vec<NodeId> = cut.split_nodes().collect();
     split.sort_unstable_by_key(|node| node.level);
     for node in split {
@@ -24,13 +17,25 @@ pub fn restrict(wanted: &Cut, document: &Document, mut resident: impl FnMut(Page
             continue;
         }
         let first = document.page_of_node(node).and_then(|page| document.first_child(page));
-        let all = first.is_some_and(|first| children(first).into_iter().all(&mut resident));
-        if !all {
+        let root_there = node.level > 0 || root_limit(document, node.chart, &mut resident) == PAGE_RESOLUTION;
+        if !root_there || !first.is_some_and(|first| children(first).into_iter().all(&mut resident)) {
             cut.collapse(node);
+        }
+    }
+    for id in (0..document.charts.len()).map_while(|index| u32::try_from(index).ok()).map(ChartId) {
+        if let Some(resolution) = cut.root_resolution(id) {
+            cut.set_root(id, resolution.min(root_limit(document, id, &mut resident)));
         }
     }
     balance::coarsen(&mut cut, &document.charts);
     cut
+}
+
+/// Finest resolution that the root of `chart` can be drawn at.
+fn root_limit(document: &Document, chart: ChartId, resident: &mut impl FnMut(PageId) -> bool) -> u8 {
+    let finest = usize::try_from(chart.0).ok().and_then(|index| document.charts.get(index)).map_or(0, |c| c.resolution);
+    let base = document.base_resolution.min(finest);
+    if finest > base && resident(PageId(chart.0)) { finest } else { base }
 }
 
 /// A page that a cut needs, and why.

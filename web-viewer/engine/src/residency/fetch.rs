@@ -307,15 +307,13 @@ mod tests {
     use crate::lod::residency::needed_pages;
     use crate::lod::uniform::{Fineness, uniform_cut};
     use crate::testing::{Random, Shape, random_finest};
-    use marquetry_format::ByteSource;
 
     fn cube() -> (Document, Vec<u8>, Vec<PageId>) {
         let charts = Shape::Cube.charts(5);
         let (document, source) = Shape::Cube.open(&random_finest(&mut Random::new(1), &charts, 2, 5)).unwrap();
         let cut = uniform_cut(&document, Fineness::Finest).unwrap();
         let pages = needed_pages(&cut, &document).iter().map(|needed| needed.page).collect();
-        let length = source.length().unwrap();
-        (document, source.read(0..length).unwrap(), pages)
+        (document, source, pages)
     }
 
     #[test]

@@ -46,7 +46,6 @@ impl Slot {
 
 #[derive(Debug, Clone)]
 struct Band {
-    resolution: u8,
     /// Free squares, by number; the last is taken first.
     free: Vec<u32>,
     total: usize,
@@ -116,7 +115,7 @@ impl SlotAllocator {
         let side = (1u32 << resolution) + 1;
         let free: Vec<u32> = (0..(LAYER_SIZE / side) * (BAND_ROWS / side)).rev().collect();
         let total = free.len();
-        *self.bands.get_mut(usize::try_from(index).ok()?)? = Some(Band { resolution, free, total });
+        *self.bands.get_mut(usize::try_from(index).ok()?)? = Some(Band { free, total });
         self.open.insert((resolution, index), ());
         Some(index)
     }

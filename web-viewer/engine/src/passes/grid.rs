@@ -1,0 +1,259 @@
+//! Plain drawing: one instanced grid for each size, one instance for each leaf of the cut.
+//!
+//! The six grids (1² to 32² cells) share one index buffer; vertices have no attributes but their number, everything else
+//! is in the sample textures. Lines for [`Shade::Wire`] are a second set of indices over the same vertices.
+
+use super::atlas::AtlasTextures;
+use crate::gpu_types::{DrawList, Frame, Instance};
+use crate::options::Shade;
+use std::ops::Range;
+
+/// Samples a pixel.
+pub const SAMPLES: u32 = 4;
+/// Format of the depth buffer.
+pub const DEPTH_FORMAT: wgpu::TextureFormat = wgpu::TextureFormat::Depth32Float;
+
+/// Source of the one shader module, its shared parts first.
+pub const SHADER: &str = concat!(
+    include_str!("../shaders/shared/frame.wgsl"),
+    include_str!("../shaders/shared/samples.wgsl"),
+    include_str!("../shaders/shared/patch_vertex.wgsl"),
+    include_str!("../shaders/shared/light.wgsl"),
+    include_str!("../shaders/grid.wgsl"),
+);
+
+/// Pipelines and buffers that do not depend on what is drawn.
+#[derive(Debug)]
+pub struct GridPass {
+    surface: wgpu::RenderPipeline,
+    lines: wgpu::RenderPipeline,
+    layout: wgpu::BindGroupLayout,
+    frame: wgpu::Buffer,
+    indices: wgpu::Buffer,
+    /// By log2 of the cells a side.
+    triangle_ranges: [Range<u32>; 6],
+    line_ranges: [Range<u32>; 6],
+}
+
+impl GridPass {
+    /// Makes the pipelines for pictures of `format`.
+    pub fn new(device: &wgpu::Device, queue: &wgpu::Queue, format: wgpu::TextureFormat) -> Self {
+        let module = device.create_shader_module(wgpu::ShaderModuleDescriptor {
+            label: Some("grid"),
+            source: wgpu::ShaderSource::Wgsl(SHADER.into()),
+        });
+        let texture = |binding| wgpu::BindGroupLayoutEntry {
+            binding,
+            visibility: wgpu::ShaderStages::VERTEX,
+            ty: wgpu::BindingType::Texture {
+                sample_type: wgpu::TextureSampleType::Uint,
+                view_dimension: wgpu::TextureViewDimension::D2Array,
+                multisampled: false,
+            },
+            count: None,
+        };
+        let layout = device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor {
+            label: Some("grid"),
+            entries: &[
+                wgpu::BindGroupLayoutEntry {
+                    binding: 0,
+                    visibility: wgpu::ShaderStages::VERTEX_FRAGMENT,
+                    ty: wgpu::BindingType::Buffer {
+                        ty: wgpu::BufferBindingType::Uniform,
+                        has_dynamic_offset: false,
+                        min_binding_size: None,
+                    },
+                    count: None,
+                },
+                texture(1),
+                texture(2),
+                texture(3),
+            ],
+        });
+        let (triangle_ranges, line_ranges, indices) = grid_indices();
+        let pipelines = Pipelines { device, module: &module, layout: &layout, format };
+        let indices = index_buffer(device, queue, &indices);
+        Self {
+            surface: pipelines.make(wgpu::PrimitiveTopology::TriangleList, "surface_vertex", "surface_fragment"),
+            lines: pipelines.make(wgpu::PrimitiveTopology::LineList, "line_vertex", "line_fragment"),
+            frame: device.create_buffer(&wgpu::BufferDescriptor {
+                label: Some("frame"),
+                size: size_of::<Frame>() as u64,
+                usage: wgpu::BufferUsages::UNIFORM | wgpu::BufferUsages::COPY_DST,
+                mapped_at_creation: false,
+            }),
+            layout,
+            indices,
+            triangle_ranges,
+            line_ranges,
+        }
+    }
+
+    /// Sets what is the same for the whole frame.
+    pub fn set_frame(&self, queue: &wgpu::Queue, frame: &Frame) {
+        queue.write_buffer(&self.frame, 0, bytemuck::bytes_of(frame));
+    }
+
+    /// Binds the samples to draw from.
+    pub fn bind(&self, device: &wgpu::Device, atlas: &AtlasTextures) -> wgpu::BindGroup {
+        let [positions, normals, colours] = atlas.views();
+        let view = |binding, view| wgpu::BindGroupEntry { binding, resource: wgpu::BindingResource::TextureView(view) };
+        device.create_bind_group(&wgpu::BindGroupDescriptor {
+            label: Some("grid"),
+            layout: &self.layout,
+            entries: &[
+                wgpu::BindGroupEntry { binding: 0, resource: self.frame.as_entire_binding() },
+                view(1, &positions),
+                view(2, &normals),
+                view(3, &colours),
+            ],
+        })
+    }
+
+    /// Draws `list`, whose instances are in `instances`.
+    pub fn draw(
+        &self,
+        pass: &mut wgpu::RenderPass<'_>,
+        samples: &wgpu::BindGroup,
+        instances: &wgpu::Buffer,
+        list: &DrawList,
+        shade: Shade,
+    ) {
+        pass.set_bind_group(0, samples, &[]);
+        pass.set_vertex_buffer(0, instances.slice(..));
+        pass.set_index_buffer(self.indices.slice(..), wgpu::IndexFormat::Uint16);
+        pass.set_pipeline(&self.surface);
+        draw_ranges(pass, list, &self.triangle_ranges);
+        if shade == Shade::Wire {
+            pass.set_pipeline(&self.lines);
+            draw_ranges(pass, list, &self.line_ranges);
+        }
+    }
+}
+
+fn draw_ranges(pass: &mut wgpu::RenderPass<'_>, list: &DrawList, ranges: &[Range<u32>; 6]) {
+    for (grid, instances) in list.draws() {
+        if let Some(indices) = ranges.get(usize::from(grid)) {
+            pass.draw_indexed(indices.clone(), 0, instances);
+        }
+    }
+}
+
+struct Pipelines<'a> {
+    device: &'a wgpu::Device,
+    module: &'a wgpu::ShaderModule,
+    layout: &'a wgpu::BindGroupLayout,
+    format: wgpu::TextureFormat,
+}
+
+impl Pipelines<'_> {
+    fn make(&self, topology: wgpu::PrimitiveTopology, vertex: &str, fragment: &str) -> wgpu::RenderPipeline {
+        let layout = self.device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
+            label: Some("grid"),
+            bind_group_layouts: &[Some(self.layout)],
+            immediate_size: 0,
+        });
+        let encode_srgb = if self.format.is_srgb() { 0.0 } else { 1.0 };
+        let constants = [("encode_srgb", encode_srgb)];
+        self.device.create_render_pipeline(&wgpu::RenderPipelineDescriptor {
+            label: Some(vertex),
+            layout: Some(&layout),
+            vertex: wgpu::VertexState {
+                module: self.module,
+                entry_point: Some(vertex),
+                compilation_options: wgpu::PipelineCompilationOptions::default(),
+                buffers: &[Some(wgpu::VertexBufferLayout {
+                    array_stride: size_of::<Instance>() as u64,
+                    step_mode: wgpu::VertexStepMode::Instance,
+                    attributes: &Instance::ATTRIBUTES,
+                })],
+            },
+            // Both faces are drawn: open scans are seen from behind, too.
+            primitive: wgpu::PrimitiveState { topology, ..Default::default() },
+            depth_stencil: Some(wgpu::DepthStencilState {
+                format: DEPTH_FORMAT,
+                depth_write_enabled: Some(true),
+                depth_compare: Some(wgpu::CompareFunction::GreaterEqual),
+                stencil: wgpu::StencilState::default(),
+                bias: wgpu::DepthBiasState::default(),
+            }),
+            multisample: wgpu::MultisampleState { count: SAMPLES, ..Default::default() },
+            fragment: Some(wgpu::FragmentState {
+                module: self.module,
+                entry_point: Some(fragment),
+                compilation_options: wgpu::PipelineCompilationOptions { constants: &constants, ..Default::default() },
+                targets: &[Some(wgpu::ColorTargetState {
+                    format: self.format,
+                    blend: None,
+                    write_mask: wgpu::ColorWrites::ALL,
+                })],
+            }),
+            multiview_mask: None,
+            cache: None,
+        })
+    }
+}
+
+/// Where the triangles and the lines of each grid size are, and all indices.
+fn grid_indices() -> ([Range<u32>; 6], [Range<u32>; 6], Vec<u16>) {
+    let mut indices: Vec<u16> = Vec::new();
+    let end = |indices: &Vec<u16>| u32::try_from(indices.len()).unwrap_or(u32::MAX);
+    let triangle_ranges = [0u16, 1, 2, 3, 4, 5].map(|resolution| {
+        let start = end(&indices);
+        let (cells, row) = (1 << resolution, (1 << resolution) + 1);
+        for (j, i) in (0..cells).flat_map(|j| (0..cells).map(move |i| (j, i))) {
+            let first: u16 = j * row + i;
+            let (right, across, above) = (first + 1, first + row + 1, first + row);
+            indices.extend([first, right, across, first, across, above]);
+        }
+        start..end(&indices)
+    });
+    let line_ranges = [0u16, 1, 2, 3, 4, 5].map(|resolution| {
+        let start = end(&indices);
+        let (cells, row) = (1 << resolution, (1 << resolution) + 1);
+        for (j, i) in (0..row).flat_map(|j| (0..row).map(move |i| (j, i))) {
+            let first: u16 = j * row + i;
+            if i < cells {
+                indices.extend([first, first + 1]);
+            }
+            if j < cells {
+                indices.extend([first, first + row]);
+            }
+            if i < cells && j < cells {
+                indices.extend([first, first + row + 1]);
+            }
+        }
+        start..end(&indices)
+    });
+    (triangle_ranges, line_ranges, indices)
+}
+
+fn index_buffer(device: &wgpu::Device, queue: &wgpu::Queue, indices: &[u16]) -> wgpu::Buffer {
+    let bytes: &[u8] = bytemuck::cast_slice(indices);
+    let buffer = device.create_buffer(&wgpu::BufferDescriptor {
+        label: Some("indices"),
+        size: u64::try_from(bytes.len()).unwrap_or(u64::MAX),
+        usage: wgpu::BufferUsages::INDEX | wgpu::BufferUsages::COPY_DST,
+        mapped_at_creation: false,
+    });
+    queue.write_buffer(&buffer, 0, bytes);
+    buffer
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn grids_have_two_triangles_a_cell_and_every_edge_once() {
+        let (triangles, lines, indices) = grid_indices();
+        for n in 0..6u32 {
+            let cells = 1u32 << n;
+            let range = triangles[n as usize].clone();
+            assert_eq!(range.len() as u32, 6 * cells * cells);
+            let most = indices[range.start as usize..range.end as usize].iter().max().copied();
+            assert_eq!(most.map(u32::from), Some((cells + 1) * (cells + 1) - 1));
+            assert_eq!(lines[n as usize].len() as u32, 2 * (3 * cells * cells + 2 * cells));
+        }
+    }
+}

@@ -1,0 +1,70 @@
+// Plain drawing: one instance of a regular grid for each leaf of the cut.
+
+override encode_srgb: bool = false;
+
+struct FromVertex {
+    // Equal inputs give equal outputs in every pipeline: lines lie on the triangles they outline.
+    @builtin(position) @invariant clip: vec4<f32>,
+    @location(0) normal: vec3<f32>,
+    @location(1) albedo: vec3<f32>,
+    @location(2) @interpolate(flat) resolution: u32,
+}
+
+fn grid_vertex(place: vec4<u32>, sides: vec4<f32>, morph: f32, index: u32) -> FromVertex {
+    let vertex = patch_vertex(place, sides, morph, index);
+    var out: FromVertex;
+    out.clip = frame.clip_from_offset * vec4<f32>(vertex.offset, 1.0);
+    out.normal = vertex.normal;
+    out.albedo = linear_from_srgb(select(GREY, vertex.colour, frame.has_colours != 0u));
+    out.resolution = place.w >> 24u;
+    return out;
+}
+
+@vertex
+fn surface_vertex(
+    @location(0) place: vec4<u32>,
+    @location(1) sides: vec4<f32>,
+    @location(2) morph: f32,
+    @builtin(vertex_index) index: u32,
+) -> FromVertex {
+    return grid_vertex(place, sides, morph, index);
+}
+
+@vertex
+fn line_vertex(
+    @location(0) place: vec4<u32>,
+    @location(1) sides: vec4<f32>,
+    @location(2) morph: f32,
+    @builtin(vertex_index) index: u32,
+) -> FromVertex {
+    var out = grid_vertex(place, sides, morph, index);
+    // Depth is reversed: a little more is a little nearer. WebGPU has no depth bias for lines.
+    out.clip.z = out.clip.z * 1.0005;
+    return out;
+}
+
+fn encoded(colour: vec3<f32>) -> vec4<f32> {
+    if encode_srgb {
+        return vec4<f32>(srgb_from_linear(clamp(colour, vec3<f32>(0.0), vec3<f32>(1.0))), 1.0);
+    }
+    return vec4<f32>(colour, 1.0);
+}
+
+@fragment
+fn surface_fragment(in: FromVertex, @builtin(front_facing) is_front: bool) -> @location(0) vec4<f32> {
+    // Zero where interpolated normals cancel: then the viewer's direction is as good as any.
+    let squared = dot(in.normal, in.normal);
+    let outward = select(frame.back.xyz, in.normal * inverseSqrt(max(squared, 1e-12)), squared > 1e-12);
+    // Open scans are seen from behind, too.
+    let normal = select(-outward, outward, is_front);
+    switch frame.shade {
+        case SHADE_NORMAL: { return encoded(linear_from_srgb(0.5 + 0.5 * outward)); }
+        case SHADE_LOD: { return encoded(lit(linear_from_srgb(resolution_colour(in.resolution)), normal)); }
+        default: { return encoded(lit(in.albedo, normal)); }
+    }
+}
+
+@fragment
+fn line_fragment(in: FromVertex) -> @location(0) vec4<f32> {
+    return encoded(0.12 * in.albedo);
+}

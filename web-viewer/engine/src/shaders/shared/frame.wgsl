@@ -1,0 +1,23 @@
+// What is the same for a whole frame. `Frame` in `gpu_types.rs`.
+struct Frame {
+    clip_from_offset: mat4x4<f32>,
+    eye_whole: vec3<i32>,
+    shade: u32,
+    eye_fraction: vec3<f32>,
+    has_colours: u32,
+    right: vec4<f32>,
+    up: vec4<f32>,
+    back: vec4<f32>,
+}
+
+const SHADE_LIT: u32 = 0u;
+const SHADE_NORMAL: u32 = 1u;
+const SHADE_LOD: u32 = 2u;
+const SHADE_WIRE: u32 = 3u;
+
+@group(0) @binding(0) var<uniform> frame: Frame;
+
+// The subtraction is exact: only what is left of it, small near the eye, is rounded to a float.
+fn offset_from_eye(lattice_point: vec3<u32>) -> vec3<f32> {
+    return vec3<f32>(vec3<i32>(lattice_point) - frame.eye_whole) - frame.eye_fraction;
+}

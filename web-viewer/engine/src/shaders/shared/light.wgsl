@@ -1,0 +1,32 @@
+// Light that comes with the camera, and colour spaces. Linear unless named sRGB.
+
+// Of a surface without colours.
+const GREY: vec3<f32> = vec3<f32>(0.78, 0.78, 0.76);
+
+fn linear_from_srgb(colour: vec3<f32>) -> vec3<f32> {
+    let low = colour / 12.92;
+    let high = pow((colour + 0.055) / 1.055, vec3<f32>(2.4));
+    return select(high, low, colour <= vec3<f32>(0.04045));
+}
+
+fn srgb_from_linear(colour: vec3<f32>) -> vec3<f32> {
+    let low = colour * 12.92;
+    let high = 1.055 * pow(colour, vec3<f32>(1.0 / 2.4)) - 0.055;
+    return select(high, low, colour <= vec3<f32>(0.0031308));
+}
+
+// Sky and ground along the picture's up, and one key light from above the viewer's left shoulder.
+fn lit(albedo: vec3<f32>, normal: vec3<f32>) -> vec3<f32> {
+    let sky = vec3<f32>(0.42, 0.45, 0.50);
+    let ground = vec3<f32>(0.13, 0.12, 0.11);
+    let key_direction = normalize(frame.back.xyz + 0.55 * frame.up.xyz - 0.45 * frame.right.xyz);
+    let hemisphere = mix(ground, sky, 0.5 + 0.5 * dot(normal, frame.up.xyz));
+    let key = vec3<f32>(0.72, 0.70, 0.66) * max(dot(normal, key_direction), 0.0);
+    return albedo * (hemisphere + key);
+}
+
+// A colour for each resolution; neighbours are told apart at a glance.
+fn resolution_colour(resolution: u32) -> vec3<f32> {
+    let hue = 0.12 + 0.381966 * f32(resolution);
+    return 0.52 + 0.42 * cos(6.2831853 * (hue + vec3<f32>(0.0, 0.33, 0.67)));
+}

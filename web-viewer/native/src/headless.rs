@@ -1,0 +1,235 @@
+//! Pictures without a window.
+
+use crate::loader::Loader;
+use crate::{NativeError, Picture};
+use marquetry_engine::{Camera, Renderer, Viewer, ViewerOptions, Viewport, wgpu};
+use marquetry_format::{ByteSource, Document, Limits};
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+
+/// Format of all headless pictures.
+const FORMAT: wgpu::TextureFormat = wgpu::TextureFormat::Rgba8UnormSrgb;
+/// Time of the model, seconds, between two updates while a view settles. Not time on the clock.
+const SETTLE_STEP: f64 = 0.1;
+/// Failed fetches of one view after which it is given up.
+const FAILURES: u64 = 12;
+/// Longest wait for an answer before looking again, so that nothing hangs silently.
+const PATIENCE: Duration = Duration::from_millis(200);
+
+/// A graphics device without a window. Made once, used for any number of [`Session`]s.
+#[derive(Debug, Clone)]
+pub struct Headless {
+    device: wgpu::Device,
+    queue: wgpu::Queue,
+    adapter: String,
+}
+
+impl Headless {
+    /// Finds an adapter: a real one if there is any, else one in software.
+    ///
+    /// # Errors
+    /// [`NativeError::NoAdapter`], [`NativeError::NoDevice`].
+    pub fn new() -> Result<Self, NativeError> {
+        let instance = wgpu::Instance::new(wgpu::InstanceDescriptor::new_without_display_handle_from_env());
+        let options = wgpu::RequestAdapterOptions {
+            power_preference: wgpu::PowerPreference::HighPerformance,
+            ..Default::default()
+        };
+        let adapter = pollster::block_on(instance.request_adapter(&options))
+            .map_err(|error| NativeError::NoAdapter(error.to_string()))?;
+        let (device, queue) = device_of(&adapter)?;
+        Ok(Self { device, queue, adapter: adapter_name(&adapter) })
+    }
+
+    /// Name of the adapter, with its driver.
+    pub fn adapter(&self) -> &str {
+        &self.adapter
+    }
+
+    /// The device, for measurements and tests of their own.
+    pub fn device(&self) -> &wgpu::Device {
+        &self.device
+    }
+
+    /// The device's queue.
+    pub fn queue(&self) -> &wgpu::Queue {
+        &self.queue
+    }
+
+    /// Opens a file to be looked at, with an empty cache.
+    ///
+    /// # Errors
+    /// When the file cannot be opened or shown, or an option is outside its range.
+    pub fn session(&self, source: &Arc<dyn ByteSource>, options: ViewerOptions) -> Result<Session, NativeError> {
+        let document = Document::open(source.as_ref(), Limits::default())?;
+        Ok(Session {
+            viewer: Viewer::new(document, options)?,
+            renderer: Renderer::new(&self.device, &self.queue, FORMAT),
+            loader: Loader::new(source, || ()),
+            headless: self.clone(),
+            target: None,
+        })
+    }
+}
+
+/// A device of `adapter`, with what the engine needs.
+pub(crate) fn device_of(adapter: &wgpu::Adapter) -> Result<(wgpu::Device, wgpu::Queue), NativeError> {
+    let descriptor = wgpu::DeviceDescriptor {
+        label: Some("marquetry"),
+        required_limits: Renderer::limits(adapter),
+        ..Default::default()
+    };
+    pollster::block_on(adapter.request_device(&descriptor))
+        .map_err(|cause| NativeError::NoDevice { adapter: adapter_name(adapter), cause })
+}
+
+fn adapter_name(adapter: &wgpu::Adapter) -> String {
+    let info = adapter.get_info();
+    let driver = if info.driver_info.is_empty() { info.driver } else { info.driver_info };
+    if driver.is_empty() { info.name } else { format!("{} ({driver})", info.name) }
+}
+
+/// A file being looked at without a window.
+#[derive(Debug)]
+pub struct Session {
+    viewer: Viewer,
+    renderer: Renderer,
+    loader: Loader,
+    headless: Headless,
+    target: Option<wgpu::Texture>,
+}
+
+impl Session {
+    /// The viewer, for its camera, options, filter and statistics.
+    pub fn viewer(&mut self) -> &mut Viewer {
+        &mut self.viewer
+    }
+
+    /// Looks from `camera` until nothing more comes that would change the picture.
+    ///
+    /// # Errors
+    /// [`NativeError::Incomplete`] when pages cannot be fetched, with the reasons.
+    pub fn settle(&mut self, camera: Camera, viewport: Viewport) -> Result<(), NativeError> {
+        self.viewer.set_camera(camera);
+        let before = self.viewer.stats().failures;
+        loop {
+            self.step(SETTLE_STEP, viewport, PATIENCE);
+            if self.viewer.is_settled() {
+                return Ok(());
+            }
+            let stats = self.viewer.stats();
+            if stats.failures.saturating_sub(before) >= FAILURES {
+                let mut reasons = self.viewer.take_failures();
+                reasons.dedup();
+                return Err(NativeError::Incomplete { missing: stats.pages.missing, reasons });
+            }
+        }
+    }
+
+    /// Advances by `seconds` and takes what has been read by then; waits for it up to `patience` where there is nothing else to do.
+    pub fn step(&mut self, seconds: f64, viewport: Viewport, patience: Duration) {
+        let requests = self.viewer.update(seconds, viewport);
+        self.loader.ask(requests);
+        let idle = self.loader.in_flight() > 0 && !self.viewer.is_settled();
+        self.loader.deliver(&mut self.viewer, if idle { patience } else { Duration::ZERO });
+    }
+
+    /// Draws what the viewer shows now, and waits until the GPU is done. The time until it had its commands.
+    ///
+    /// # Errors
+    /// [`NativeError::Size`], or when the GPU fails.
+    pub fn draw(&mut self, viewport: Viewport) -> Result<Duration, NativeError> {
+        let start = Instant::now();
+        let device = &self.headless.device;
+        let most = device.limits().max_texture_dimension_2d;
+        let Viewport { width, height } = viewport;
+        if width == 0 || height == 0 || width > most || height > most {
+            return Err(NativeError::Size { width, height, most });
+        }
+        let target = match self.target.take().filter(|t| t.width() == width && t.height() == height) {
+            Some(target) => target,
+            None => device.create_texture(&wgpu::TextureDescriptor {
+                label: Some("picture"),
+                size: wgpu::Extent3d { width, height, depth_or_array_layers: 1 },
+                mip_level_count: 1,
+                sample_count: 1,
+                dimension: wgpu::TextureDimension::D2,
+                format: FORMAT,
+                usage: wgpu::TextureUsages::RENDER_ATTACHMENT | wgpu::TextureUsages::COPY_SRC,
+                view_formats: &[],
+            }),
+        };
+        let view = target.create_view(&wgpu::TextureViewDescriptor::default());
+        self.renderer.render(&mut self.viewer, &view)?;
+        self.target = Some(target);
+        let submitted = start.elapsed();
+        self.wait()?;
+        Ok(submitted)
+    }
+
+    /// The picture that was drawn last.
+    ///
+    /// # Errors
+    /// [`NativeError::ReadBack`].
+    pub fn read_back(&self) -> Result<Picture, NativeError> {
+        let failed = |reason: &str| NativeError::ReadBack(reason.to_owned());
+        let target = self.target.as_ref().ok_or_else(|| failed("nothing was drawn"))?;
+        let (width, height) = (target.width(), target.height());
+        let row_bytes = 4 * width;
+        let padded = row_bytes.next_multiple_of(wgpu::COPY_BYTES_PER_ROW_ALIGNMENT);
+        let Headless { device, queue, .. } = &self.headless;
+        let buffer = device.create_buffer(&wgpu::BufferDescriptor {
+            label: Some("read back"),
+            size: u64::from(padded) * u64::from(height),
+            usage: wgpu::BufferUsages::COPY_DST | wgpu::BufferUsages::MAP_READ,
+            mapped_at_creation: false,
+        });
+        let mut encoder = device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
+        let layout =
+            wgpu::TexelCopyBufferLayout { offset: 0, bytes_per_row: Some(padded), rows_per_image: Some(height) };
+        encoder.copy_texture_to_buffer(
+            target.as_image_copy(),
+            wgpu::TexelCopyBufferInfo { buffer: &buffer, layout },
+            target.size(),
+        );
+        queue.submit([encoder.finish()]);
+        let (sender, receiver) = std::sync::mpsc::channel();
+        buffer.slice(..).map_async(wgpu::MapMode::Read, move |result| {
+            // The receiver waits below until this was sent.
+            let _ = sender.send(result);
+        });
+        self.wait()?;
+        match receiver.recv() {
+            Ok(Ok(())) => {}
+            Ok(Err(error)) => return Err(NativeError::ReadBack(error.to_string())),
+            Err(_) => return Err(failed("the device was lost")),
+        }
+        let mapped =
+            buffer.slice(..).get_mapped_range().map_err(|error| NativeError::ReadBack(error.to_string()))?;
+        let rows = usize::try_from(padded).ok().zip(usize::try_from(row_bytes).ok());
+        let (padded, row_bytes) = rows.ok_or_else(|| failed("the picture is too large"))?;
+        let mut rgba = Vec::with_capacity(mapped.len());
+        for row in mapped.chunks_exact(padded) {
+            rgba.extend_from_slice(row.get(..row_bytes).unwrap_or(row));
+        }
+        Ok(Picture { width, height, rgba })
+    }
+
+    /// Settles, draws and reads back.
+    ///
+    /// # Errors
+    /// Those of [`Session::settle`], [`Session::draw`] and [`Session::read_back`].
+    pub fn picture(&mut self, camera: Camera, viewport: Viewport) -> Result<Picture, NativeError> {
+        self.settle(camera, viewport)?;
+        self.draw(viewport)?;
+        self.read_back()
+    }
+
+    fn wait(&self) -> Result<(), NativeError> {
+        self.headless
+            .device
+            .poll(wgpu::PollType::wait_indefinitely())
+            .map(|_| ())
+            .map_err(|error| NativeError::ReadBack(error.to_string()))
+    }
+}

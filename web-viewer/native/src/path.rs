@@ -1,0 +1,103 @@
+//! Camera paths for `render --path`.
+//!
+//! JSON: a list of cameras, or an object `{"cameras": [...], "fps": N}`. A camera is the text of `--camera`
+//! (`"ex,ey,ez,tx,ty,tz"`), a list of the six numbers, or `{"eye": [x, y, z], "target": [x, y, z]}`. With `fps` the
+//! frames after the first are what a viewer moving at that rate shows, morphs and missing pages included; without, each
+//! frame is settled.
+
+use crate::NativeError;
+use marquetry_engine::Camera;
+use marquetry_format::Metadata;
+use std::path::Path;
+
+/// Most cameras in a path.
+const MOST_CAMERAS: usize = 100_000;
+
+/// A camera path.
+#[derive(Debug, Clone, PartialEq)]
+pub struct CameraPath {
+    /// One a frame; not empty.
+    pub cameras: Vec<Camera>,
+    /// Frames a second; `None` to settle every frame.
+    pub fps: Option<f64>,
+}
+
+#[derive(serde::Deserialize)]
+#[serde(untagged)]
+enum File {
+    List(Vec<Entry>),
+    Object { cameras: Vec<Entry>, fps: Option<f64> },
+}
+
+#[derive(serde::Deserialize)]
+#[serde(untagged)]
+enum Entry {
+    Text(String),
+    Numbers([f64; 6]),
+    Points { eye: [f64; 3], target: [f64; 3] },
+}
+
+/// Reads the path in the file at `path`, for the model that `metadata` describes.
+///
+/// # Errors
+/// When the file cannot be read or is not a camera path.
+pub fn read(path: &Path, metadata: &Metadata) -> Result<CameraPath, NativeError> {
+    let text = std::fs::read_to_string(path).map_err(|cause| NativeError::File { path: path.to_owned(), cause })?;
+    parse(&text, metadata).map_err(|reason| NativeError::CameraPath { path: path.to_owned(), reason })
+}
+
+fn parse(text: &str, metadata: &Metadata) -> Result<CameraPath, String> {
+    const EXPECTED: &str = "expected a list of cameras, each \"ex,ey,ez,tx,ty,tz\", six numbers, or {eye, target}";
+    let value: serde_json::Value = serde_json::from_str(text).map_err(|error| format!("not JSON: {error}"))?;
+    let file = serde_json::from_value(value).map_err(|error| format!("{EXPECTED} ({error})"))?;
+    let (entries, fps) = match file {
+        File::List(entries) => (entries, None),
+        File::Object { cameras, fps } => (cameras, fps),
+    };
+    if entries.is_empty() || entries.len() > MOST_CAMERAS {
+        return Err(format!("{} cameras; 1 to {MOST_CAMERAS} are possible", entries.len()));
+    }
+    if fps.is_some_and(|fps| !(fps.is_finite() && fps > 0.0)) {
+        return Err("fps must be above 0".to_owned());
+    }
+    let camera = |(index, entry): (usize, Entry)| {
+        let text = match entry {
+            Entry::Text(text) => text,
+            Entry::Numbers(numbers) => numbers.map(|n| n.to_string()).join(","),
+            Entry::Points { eye: [a, b, c], target: [d, e, f] } => [a, b, c, d, e, f].map(|n| n.to_string()).join(","),
+        };
+        Camera::parse(metadata, &text).map_err(|error| format!("camera {index}: {error}"))
+    };
+    let cameras = entries.into_iter().enumerate().map(camera).collect::<Result<_, _>>()?;
+    Ok(CameraPath { cameras, fps })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use marquetry_engine::testing::metadata;
+
+    #[test]
+    fn all_spellings_of_a_camera_mean_the_same() {
+        let text = r#"{"cameras": ["0,0,5,0,0,0", [0,0,5,0,0,0], {"eye": [0,0,5], "target": [0,0,0]}], "fps": 30}"#;
+        let path = parse(text, &metadata()).unwrap();
+        assert_eq!(path.fps, Some(30.0));
+        assert_eq!(path.cameras.len(), 3);
+        assert!(path.cameras.iter().all(|camera| *camera == path.cameras[0]));
+        assert_eq!(parse(r#"["0,0,5,0,0,0"]"#, &metadata()).unwrap().fps, None);
+    }
+
+    #[test]
+    fn wrong_paths_say_what_is_wrong() {
+        for (text, part) in [
+            ("[", "not JSON"),
+            ("[]", "0 cameras"),
+            ("3", "expected a list"),
+            (r#"["0,0,5,0,0,0", "1,2"]"#, "camera 1"),
+            (r#"{"cameras": ["0,0,5,0,0,0"], "fps": 0}"#, "fps"),
+        ] {
+            let reason = parse(text, &metadata()).unwrap_err();
+            assert!(reason.contains(part), "{reason}");
+        }
+    }
+}

@@ -7,19 +7,22 @@
 //! A sample depends on its place in the square alone: any window of any resolution gives the bits that the whole grid has
 //! there.
 //!
-//! Errors: see [`overlay`]'s introduction for the method and [`GridError`] for what is guaranteed.
+//! Errors: [`GridError`] says what is guaranteed.
 
 mod attributes;
 mod borders;
+mod errors;
 mod locate;
 mod overlay;
 mod polygon;
+mod surfaces;
 #[cfg(test)]
 mod tests;
 mod tighten;
 
 use crate::atlas::patch::{Attributes, Border, Patch};
 use crate::parameterize::Parametrization;
+use errors::Bound;
 use glam::DVec3;
 use locate::{Bins, Raster};
 
@@ -113,7 +116,7 @@ pub fn grid_errors(
     positions: &[DVec3],
 ) -> Vec<GridError> {
     let all: Vec<u32> = (0u32..).take(patch.triangles.len()).collect();
-    overlay::errors(
+    errors::errors(
         patch,
         &parametrization.uv,
         &all,
@@ -167,10 +170,33 @@ impl<'a> Sampler<'a> {
         raster.into_grid(self.patch, &self.parametrization.uv, borders)
     }
 
+    /// The error of a window at its finest resolution alone.
+    pub fn error(&self, window: Window, positions: &[DVec3]) -> GridError {
+        self.finest(window, positions, Bound::Tight)
+    }
+
+    /// As [`Self::error`], but quicker where samples slide along the surface: `max` is an upper bound too, but counts
+    /// the sliding.
+    pub fn quick_error(&self, window: Window, positions: &[DVec3]) -> GridError {
+        self.finest(window, positions, Bound::Parametric)
+    }
+
+    fn finest(&self, window: Window, positions: &[DVec3], bound: Bound) -> GridError {
+        let triangles = self.bins.touching(window);
+        errors::finest_error(
+            self.patch,
+            &self.parametrization.uv,
+            &triangles,
+            window,
+            positions,
+            bound,
+        )
+    }
+
     /// See [`grid_errors_window`].
     pub fn errors(&self, window: Window, positions: &[DVec3]) -> Vec<GridError> {
         let triangles = self.bins.touching(window);
-        overlay::errors(
+        errors::errors(
             self.patch,
             &self.parametrization.uv,
             &triangles,

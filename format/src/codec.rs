@@ -1,7 +1,7 @@
 //! Coding of samples into page bytes.
 //!
 //! A page holds what its node adds to what the reader already has: the parent's quadrant, or the base. New
-//! samples are predicted from the coarser ones ([`grid`]) and stored as residuals, in byte planes, packed by
+//! samples are predicted from the coarser ones ([`grid`], [`shading`]) and stored as residuals, in byte planes, packed by
 //! zstd ([`packing`]). Everything is integer arithmetic, so every machine decodes the same bytes to the same
 //! samples.
 
@@ -11,4 +11,5 @@ pub(crate) mod packing;
 pub(crate) mod page;
 pub(crate) mod payload;
 pub(crate) mod sample;
+pub(crate) mod shading;
 pub(crate) mod targets;

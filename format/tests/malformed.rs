@@ -222,26 +222,28 @@ fn front() -> Vec<Case> {
         }),
         ("base_cut_short", base(&|b| b.truncate(b.len() - 1)), |e| matches!(e, Error::Truncated { what: "base", .. })),
         ("base_method_3", base(&|b| b[0] |= 3), |e| matches!(e, Error::Value { what: "base", found: 3 })),
-        ("base_with_4_planes", base(&|b| b[0] |= 0xc0), |e| matches!(e, Error::Reserved { what: "base", .. })),
+        ("base_with_4_planes", base(&|b| b[1] |= 3), |e| matches!(e, Error::Value { what: "base", found: 4 })),
+        ("base_prediction_3", base(&|b| b[1] |= 12), |e| matches!(e, Error::Value { what: "base", found: 3 })),
+        ("base_reserved_bits", base(&|b| b[1] |= 16), |e| matches!(e, Error::Reserved { what: "base", .. })),
         (
             "base_outside_the_lattice",
             // All raw: 50 samples, the first x far below zero.
             base(&|b| {
-                *b = vec![1 | 2 << 6, 0xc2, 0x03, 0];
-                b.resize(4 + 450, 0);
-                b[4] = 1;
+                *b = vec![1, 2, 0xc2, 0x03, 0];
+                b.resize(5 + 450, 0);
+                b[5] = 1;
             }),
             |e| matches!(e, Error::Value { what: "base", .. }),
         ),
         (
             "base_window_of_16_mib",
-            base(&|b| *b = vec![2, 7, 0, 0x40, 14 << 3, 0xff, 0xff, 1, 0, 0]),
+            base(&|b| *b = vec![2, 0, 7, 0, 0x40, 14 << 3, 0xff, 0xff, 1, 0, 0]),
             |e| matches!(e, Error::Limit { what: "zstd window", found: 0x0100_0000, .. }),
         ),
         (
             "base_frame_of_another_size",
             // One segment of 65 535 + 256 bytes in place of 150.
-            base(&|b| *b = vec![2, 7, 0, 0x60, 0xff, 0xff, 0xfb, 0xff, 0x07, 0]),
+            base(&|b| *b = vec![2, 0, 7, 0, 0x60, 0xff, 0xff, 0xfb, 0xff, 0x07, 0]),
             |e| matches!(e, Error::Mismatch { what: "base", expected: 150, found: 65_791 }),
         ),
     ]

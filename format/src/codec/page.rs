@@ -8,6 +8,7 @@
 use super::grid::{Grid, count_of, odd_samples};
 use super::payload::{self, Counts, Residuals};
 use super::sample::{Colour, Normal, Position, Sample};
+use super::shading::Prediction;
 use super::targets;
 use crate::lattice::LATTICE_BITS;
 use crate::quadtree::{PAGE_RESOLUTION, Quadrant};
@@ -126,6 +127,7 @@ impl Grids {
 
 /// Reads residuals one after the other.
 struct Source {
+    prediction: Prediction,
     positions: std::vec::IntoIter<[i32; 3]>,
     normals: std::vec::IntoIter<[i32; 3]>,
     colours: std::vec::IntoIter<[i32; 3]>,
@@ -134,6 +136,7 @@ struct Source {
 impl Source {
     fn new(residuals: Residuals) -> Self {
         Self {
+            prediction: residuals.prediction,
             positions: residuals.positions.into_iter(),
             normals: residuals.normals.into_iter(),
             colours: residuals.colours.into_iter(),
@@ -150,6 +153,15 @@ fn restore_odd<T: Sample>(
     for odd in odd_samples(grid.side()) {
         let value = restore(what, grid.predict(odd), residuals)?;
         grid.set(odd.i, odd.j, value);
+    }
+    Ok(())
+}
+
+/// Restores the odd normals; positions are complete.
+fn restore_odd_normals(what: &'static str, grids: &mut Grids, source: &mut Source) -> Result<(), Error> {
+    for odd in odd_samples(grids.normals.side()) {
+        let prediction = source.prediction.predict(&grids.normals, &grids.positions, odd);
+        grids.normals.set(odd.i, odd.j, restore(what, prediction, &mut source.normals)?);
     }
     Ok(())
 }
@@ -183,7 +195,7 @@ fn refine(what: &'static str, grids: &mut Grids, from: u8, to: u8, source: &mut 
     for _ in from..to {
         *grids = grids.finer();
         restore_odd(what, &mut grids.positions, &mut source.positions)?;
-        restore_odd(what, &mut grids.normals, &mut source.normals)?;
+        restore_odd_normals(what, grids, source)?;
         if let Some(colours) = &mut grids.colours {
             restore_odd(what, colours, &mut source.colours)?;
         }
@@ -282,7 +294,7 @@ fn refine_child(coding: Coding, parent: &Grids, bytes: &[u8]) -> Result<PageSamp
     let mut grids = parent.finer();
     restore_odd(what, &mut grids.positions, &mut source.positions)?;
     restore_even(what, &mut grids.normals, &mut source.normals)?;
-    restore_odd(what, &mut grids.normals, &mut source.normals)?;
+    restore_odd_normals(what, &mut grids, &mut source)?;
     if let Some(colours) = &mut grids.colours {
         restore_even(what, colours, &mut source.colours)?;
         restore_odd(what, colours, &mut source.colours)?;
@@ -297,10 +309,20 @@ pub(crate) use encoding::{encode_base, encode_child, encode_root};
 #[cfg(not(target_arch = "wasm32"))]
 mod encoding {
     use super::*;
-    use crate::codec::payload::PartBytes;
+    use crate::codec::payload::{Alternatives, PartBytes};
 
     fn store_odd<T: Sample>(grid: &Grid<T>, out: &mut Vec<[i32; 3]>) {
         out.extend(odd_samples(grid.side()).map(|odd| grid.get(odd.i, odd.j).residual(grid.predict(odd))));
+    }
+
+    fn store_odd_normals(grids: &Grids, out: &mut [Vec<[i32; 3]>; 3]) {
+        let normals = &grids.normals;
+        for (prediction, out) in Prediction::ALL.into_iter().zip(out) {
+            out.extend(odd_samples(normals.side()).map(|odd| {
+                let predicted = prediction.predict(normals, &grids.positions, odd);
+                normals.get(odd.i, odd.j).residual(predicted)
+            }));
+        }
     }
 
     fn store_even<T: Sample>(grid: &Grid<T>, parent: &Grid<T>, out: &mut Vec<[i32; 3]>) {
@@ -309,11 +331,11 @@ mod encoding {
     }
 
     /// Stores resolutions `from + 1..=to` of grids that hold resolution `to`.
-    fn store(grids: &Grids, from: u8, to: u8, out: &mut Residuals) {
+    fn store(grids: &Grids, from: u8, to: u8, out: &mut Alternatives) {
         for resolution in from..to {
             let grids = grids.coarser(u32::from(to - resolution - 1));
             store_odd(&grids.positions, &mut out.positions);
-            store_odd(&grids.normals, &mut out.normals);
+            store_odd_normals(&grids, &mut out.normals);
             if let Some(colours) = &grids.colours {
                 store_odd(colours, &mut out.colours);
             }
@@ -333,7 +355,7 @@ mod encoding {
         roots: impl Iterator<Item = &'a PageSamples>,
         base_resolution: u8,
     ) -> Result<(Vec<u8>, PartBytes), Error> {
-        let mut out = Residuals::default();
+        let mut out = Alternatives::default();
         let mut before = (Position::default(), Normal::default(), Colour::default());
         for root in roots {
             let grids = grids_of(root, coding)?;
@@ -345,7 +367,7 @@ mod encoding {
                 before.0 = corner;
             }
             for &corner in corners.normals.samples() {
-                out.normals.push(corner.residual(before.1));
+                out.normals.iter_mut().for_each(|normals| normals.push(corner.residual(before.1)));
                 before.1 = corner;
             }
             for &corner in corners.colours.iter().flat_map(Grid::samples) {
@@ -366,7 +388,7 @@ mod encoding {
         if root.resolution <= base_resolution {
             return Ok(Default::default());
         }
-        let mut out = Residuals::default();
+        let mut out = Alternatives::default();
         store(&grids_of(root, coding)?, base_resolution, root.resolution, &mut out);
         payload::encode(&out, coding.has_colours)
     }
@@ -380,10 +402,12 @@ mod encoding {
     ) -> Result<(Vec<u8>, PartBytes), Error> {
         let grids = grids_of(samples, coding)?;
         let parent = grids_of(parent, coding)?.quarter(quadrant);
-        let mut out = Residuals::default();
+        let mut out = Alternatives::default();
         store_odd(&grids.positions, &mut out.positions);
-        store_even(&grids.normals, &parent.normals, &mut out.normals);
-        store_odd(&grids.normals, &mut out.normals);
+        for normals in &mut out.normals {
+            store_even(&grids.normals, &parent.normals, normals);
+        }
+        store_odd_normals(&grids, &mut out.normals);
         if let (Some(colours), Some(parent)) = (&grids.colours, &parent.colours) {
             store_even(colours, parent, &mut out.colours);
             store_odd(colours, &mut out.colours);

@@ -3,6 +3,7 @@
 //! Byte planes put the nearly always zero high bytes together, which zstd then stores in a few bytes.
 
 use super::packing::{self, Method};
+use super::shading::Prediction;
 use crate::Error;
 use crate::bytes::Cursor;
 
@@ -10,8 +11,20 @@ use crate::bytes::Cursor;
 #[derive(Debug, Default, PartialEq, Eq)]
 pub(crate) struct Residuals {
     pub(crate) positions: Vec<[i32; 3]>,
+    /// What the odd normals were predicted from.
+    pub(crate) prediction: Prediction,
     /// Two components each.
     pub(crate) normals: Vec<[i32; 3]>,
+    /// Empty in files without colours.
+    pub(crate) colours: Vec<[i32; 3]>,
+}
+
+/// Residuals to be encoded: of normals, one set by [`Prediction`].
+#[cfg(not(target_arch = "wasm32"))]
+#[derive(Debug, Default)]
+pub(crate) struct Alternatives {
+    pub(crate) positions: Vec<[i32; 3]>,
+    pub(crate) normals: [Vec<[i32; 3]>; 3],
     /// Empty in files without colours.
     pub(crate) colours: Vec<[i32; 3]>,
 }
@@ -33,13 +46,18 @@ pub(crate) struct PartBytes {
     pub(crate) colours: u64,
 }
 
-const PLANES_SHIFT: u32 = 6;
+/// First byte: methods, two bits each.
 const NORMALS_SHIFT: u32 = 2;
 const COLOURS_SHIFT: u32 = 4;
+const METHODS_RESERVED: u8 = 0b1100_0000;
+/// Second byte: planes of the positions less one, prediction of the normals.
+const PREDICTION_SHIFT: u32 = 2;
+const CODING_RESERVED: u8 = 0b1111_0000;
 
-/// The payload's header: methods, planes of the positions, lengths.
+/// The payload's header.
 struct PayloadHeader {
     planes: usize,
+    prediction: Prediction,
     methods: [Method; 3],
     geometry_length: usize,
     normals_length: usize,
@@ -47,17 +65,24 @@ struct PayloadHeader {
 
 impl PayloadHeader {
     fn parse(what: &'static str, has_colours: bool, cursor: &mut Cursor<'_>) -> Result<Self, Error> {
-        let byte = cursor.u8()?;
-        let planes = usize::from(byte >> PLANES_SHIFT) + 1;
-        let code = |shift: u32| Method::from_code(what, byte >> shift & 3);
+        let (methods, coding) = (cursor.u8()?, cursor.u8()?);
+        if methods & METHODS_RESERVED != 0 || coding & CODING_RESERVED != 0 {
+            return Err(Error::Reserved { what, value: u64::from(u16::from_le_bytes([methods, coding])) });
+        }
+        let code = |shift: u32| Method::from_code(what, methods >> shift & 3);
         let methods = [code(0)?, code(NORMALS_SHIFT)?, code(COLOURS_SHIFT)?];
+        let planes = usize::from(coding & 3).saturating_add(1);
+        if planes > 3 {
+            return Err(Error::Value { what, found: planes as u64 });
+        }
+        let prediction = Prediction::from_code(what, coding >> PREDICTION_SHIFT & 3)?;
         let [_, _, colours] = methods;
-        if planes > 3 || (!has_colours && colours != Method::Zero) {
-            return Err(Error::Reserved { what, value: u64::from(byte) });
+        if !has_colours && colours != Method::Zero {
+            return Err(Error::Value { what, found: colours as u64 });
         }
         let geometry_length = usize::try_from(cursor.leb128()?).unwrap_or(usize::MAX);
         let normals_length = usize::try_from(cursor.leb128()?).unwrap_or(usize::MAX);
-        Ok(Self { planes, methods, geometry_length, normals_length })
+        Ok(Self { planes, prediction, methods, geometry_length, normals_length })
     }
 }
 
@@ -96,6 +121,7 @@ pub(crate) fn decode(
     let colours = stream(cursor.rest(), colours, colour_count, 3)?;
     Ok(Residuals {
         positions: unzigzag_planes(&positions, counts.positions),
+        prediction: header.prediction,
         normals: byte_planes(&normals, counts.normals),
         colours: byte_planes(&colours, colour_count),
     })
@@ -138,9 +164,9 @@ pub(crate) fn unzigzag(code: u32) -> i32 {
     (code >> 1).cast_signed() ^ -(code & 1).cast_signed()
 }
 
-/// Encodes residuals; colours are stored when `has_colours`.
+/// Encodes residuals, of the normals those that take the fewest bytes; colours are stored when `has_colours`.
 #[cfg(not(target_arch = "wasm32"))]
-pub(crate) fn encode(residuals: &Residuals, has_colours: bool) -> Result<(Vec<u8>, PartBytes), Error> {
+pub(crate) fn encode(residuals: &Alternatives, has_colours: bool) -> Result<(Vec<u8>, PartBytes), Error> {
     let codes: Vec<[u32; 3]> = residuals.positions.iter().map(|r| r.map(zigzag)).collect();
     let largest = codes.iter().flatten().copied().max().unwrap_or(0);
     let planes = match largest {
@@ -162,15 +188,23 @@ pub(crate) fn encode(residuals: &Residuals, has_colours: bool) -> Result<(Vec<u8
         bytes
     };
     let (geometry_method, geometry) = packing::pack(&geometry)?;
-    let (normals_method, normals) = packing::pack(&bytes_of(&residuals.normals, 2))?;
+    let mut best: Option<(Prediction, (Method, Vec<u8>))> = None;
+    for (prediction, normals) in Prediction::ALL.into_iter().zip(&residuals.normals) {
+        let packed = packing::pack(&bytes_of(normals, 2))?;
+        if best.as_ref().is_none_or(|(_, (_, least))| packed.1.len() < least.len()) {
+            best = Some((prediction, packed));
+        }
+    }
+    let (prediction, (normals_method, normals)) =
+        best.unwrap_or((Prediction::Interpolated, (Method::Zero, Vec::new())));
     let (colours_method, colours) =
         if has_colours { packing::pack(&bytes_of(&residuals.colours, 3))? } else { (Method::Zero, Vec::new()) };
 
     let mut out = vec![
         geometry_method as u8
             | (normals_method as u8) << NORMALS_SHIFT
-            | (colours_method as u8) << COLOURS_SHIFT
-            | (planes - 1) << PLANES_SHIFT,
+            | (colours_method as u8) << COLOURS_SHIFT,
+        (planes - 1) | (prediction as u8) << PREDICTION_SHIFT,
     ];
     crate::bytes::push_leb128(&mut out, u32::try_from(geometry.len()).unwrap_or(u32::MAX));
     crate::bytes::push_leb128(&mut out, u32::try_from(normals.len()).unwrap_or(u32::MAX));
@@ -196,16 +230,23 @@ mod tests {
         (prop::collection::vec(position, 0..400), 0..400usize, any::<bool>()).prop_flat_map(move |(positions, n, has)| {
             (Just(positions), bytes(n), bytes(if has { n } else { 0 }), Just(has)).prop_map(|(positions, normals, colours, has)| {
                 let normals = normals.into_iter().map(|[a, b, _]| [a, b, 0]).collect();
-                (Residuals { positions, normals, colours }, has)
+                (Residuals { positions, prediction: Prediction::Mixed, normals, colours }, has)
             })
         })
+    }
+
+    /// Alternatives of which those of `residuals` are the smallest, unless there is next to nothing to store.
+    fn alternatives(residuals: &Residuals) -> Alternatives {
+        let worse: Vec<[i32; 3]> = (0..4000).map(|k: i32| [k * k >> 3, k * k >> 5, 0]).collect();
+        let normals = [worse.clone(), residuals.normals.clone(), worse];
+        Alternatives { positions: residuals.positions.clone(), normals, colours: residuals.colours.clone() }
     }
 
     proptest! {
         #[test]
         fn residuals_survive_the_round_trip((residuals, has_colours) in residuals()) {
             let counts = Counts { positions: residuals.positions.len(), normals: residuals.normals.len() };
-            let (bytes, sizes) = encode(&residuals, has_colours).unwrap();
+            let (bytes, sizes) = encode(&alternatives(&residuals), has_colours).unwrap();
             prop_assert_eq!(sizes.geometry + sizes.normals + sizes.colours, bytes.len() as u64);
             prop_assert_eq!(parts("test", has_colours, &bytes).unwrap(), sizes);
             prop_assert_eq!(decode("test", counts, has_colours, &bytes).unwrap(), residuals);
@@ -229,8 +270,12 @@ mod tests {
 
     #[test]
     fn trailing_bytes_are_refused() {
-        let residuals = Residuals { positions: vec![[1, 2, 3]; 5], normals: vec![[1, 2, 0]; 5], colours: vec![] };
-        let (mut bytes, _) = encode(&residuals, false).unwrap();
+        let residuals = Residuals {
+            positions: vec![[1, 2, 3]; 5],
+            normals: vec![[1, 2, 0]; 5],
+            ..Residuals::default()
+        };
+        let (mut bytes, _) = encode(&alternatives(&residuals), false).unwrap();
         bytes.push(0);
         let counts = Counts { positions: 5, normals: 5 };
         assert!(matches!(decode("test", counts, false, &bytes), Err(Error::TrailingBytes { .. })));

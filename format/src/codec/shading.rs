@@ -1,0 +1,112 @@
+//! Prediction of normals: from coarser normals, from the decoded positions, or from both.
+//!
+//! Interpolation misses the detail that the finer positions show; the positions are too rough once samples
+//! come closer than a few quantization steps, and normals need not be those of the surface at all. The writer
+//! takes what is smallest, page by page: on fractal surfaces with true normals that is 15 to 20 % below
+//! interpolation alone where samples are 16 steps apart, and about equal at 8.
+
+use super::grid::{Grid, Odd};
+use super::octahedral;
+use super::sample::{Normal, Position, Sample};
+use crate::Error;
+
+/// What the odd normals of a payload are predicted from.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub(crate) enum Prediction {
+    /// The coarser normals.
+    #[default]
+    Interpolated = 0,
+    /// The sum of both.
+    Mixed = 1,
+    /// The positions.
+    Geometric = 2,
+}
+
+impl Prediction {
+    /// All of them, by code.
+    pub(crate) const ALL: [Self; 3] = [Self::Interpolated, Self::Mixed, Self::Geometric];
+
+    /// The prediction numbered `code`.
+    pub(crate) fn from_code(what: &'static str, code: u8) -> Result<Self, Error> {
+        let known = Self::ALL.get(usize::from(code)).copied();
+        known.ok_or(Error::Value { what, found: u64::from(code) })
+    }
+
+    /// Predicts the normal of an odd sample; `positions` of the same resolution are complete.
+    pub(crate) fn predict(self, normals: &Grid<Normal>, positions: &Grid<Position>, odd: Odd) -> Normal {
+        if self == Self::Interpolated {
+            return normals.predict(odd);
+        }
+        match surface_normal(positions, odd) {
+            None => normals.predict(odd),
+            Some(geometric) if self == Self::Geometric => geometric,
+            Some(geometric) => {
+                let interpolated = normals.predict(odd);
+                let ([a, b, c], [d, e, f]) = (interpolated.lift(), geometric.lift());
+                Normal::lower([a + d, b + e, c + f], 1, interpolated)
+            }
+        }
+    }
+}
+
+/// The normal that the neighbours' positions span; at the grid's border the sample stands for the one missing.
+fn surface_normal(positions: &Grid<Position>, Odd { i, j }: Odd) -> Option<Normal> {
+    let last = positions.side() - 1;
+    let difference = |Position([a, b, c]): Position, Position([d, e, f]): Position| {
+        [i64::from(a) - i64::from(d), i64::from(b) - i64::from(e), i64::from(c) - i64::from(f)]
+    };
+    let [ax, ay, az] = difference(positions.get((i + 1).min(last), j), positions.get(i.saturating_sub(1), j));
+    let [bx, by, bz] = difference(positions.get(i, (j + 1).min(last)), positions.get(i, j.saturating_sub(1)));
+    // Differences have 22 bits, products 43.
+    let cross = [ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx];
+    let largest = cross.iter().map(|c| c.unsigned_abs()).max().unwrap_or(0);
+    let shift = (u64::BITS - largest.leading_zeros()).saturating_sub(COMPONENT_BITS);
+    octahedral::from_vector(cross.map(|c| (c >> shift) as i32)).map(Normal)
+}
+
+/// Magnitude bits of a normal's components before it is coded: enough for 8-bit codes.
+const COMPONENT_BITS: u32 = 19;
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn grids(height: impl Fn(i32, i32) -> i32) -> (Grid<Normal>, Grid<Position>) {
+        let positions = (0..81).map(|k| Position([k % 9 * 1000, k / 9 * 1000, height(k % 9, k / 9)])).collect();
+        let up = Normal(octahedral::encode([0.0, 0.0, 1.0]));
+        (Grid::new(3, vec![up; 81]).unwrap(), Grid::new(3, positions).unwrap())
+    }
+
+    #[test]
+    fn a_slope_turns_the_prediction() {
+        let (normals, positions) = grids(|i, _| 1000 * i);
+        for (prediction, degrees) in Prediction::ALL.into_iter().zip([0.0, 22.5, 45.0]) {
+            let Normal(code) = prediction.predict(&normals, &positions, Odd { i: 3, j: 4 });
+            let [x, y, z] = octahedral::decode(code);
+            let angle = (-x).atan2(z).to_degrees();
+            assert!((angle - degrees).abs() < 5.0 && y.abs() < 0.02, "{prediction:?}: {angle}");
+        }
+    }
+
+    #[test]
+    fn a_surface_without_area_leaves_the_interpolation() {
+        let (normals, _) = grids(|_, _| 0);
+        let point = Grid::new(3, vec![Position([7; 3]); 81]).unwrap();
+        let odd = Odd { i: 0, j: 1 };
+        for prediction in Prediction::ALL {
+            assert_eq!(prediction.predict(&normals, &point, odd), normals.predict(odd));
+        }
+    }
+
+    #[test]
+    fn the_largest_differences_do_not_overflow() {
+        let far = (1 << 21) - 1;
+        let corners = [[0, far, 0], [far, 0, 0], [0, 0, far]];
+        let positions = (0..9).map(|k| Position(corners[k % 3])).collect();
+        let positions = Grid::new(1, positions).unwrap();
+        let normals = Grid::new(1, vec![Normal([9, 200]); 9]).unwrap();
+        for odd in super::super::grid::odd_samples(3) {
+            Prediction::Geometric.predict(&normals, &positions, odd);
+        }
+    }
+}

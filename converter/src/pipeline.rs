@@ -3,11 +3,11 @@
 use crate::atlas::{build, chart_graph, quantize};
 use crate::error::ImportError;
 use crate::import;
-use crate::mesh::{self, ManifoldMesh};
+use crate::mesh;
 use crate::parameterize::{self, Parametrization};
 use crate::process;
 use crate::quadrangulate::{self, QuadrangulateError};
-use crate::report::{ErrorReport, InputReport, Lost, OutputReport, Report, StageReport};
+use crate::report::{ErrorReport, InputReport, Lost, Merged, OutputReport, Report, StageReport};
 use crate::segment;
 use glam::DVec3;
 use marquetry_evaluation::distance;
@@ -183,7 +183,7 @@ impl Conversion<'_> {
         let (imported, import_report) = import::import(self.input)?;
         let has_colours = !imported.colours.is_empty();
         self.stages.begin("manifold");
-        let (mesh, account) = mesh::prepare(imported, self.input)?;
+        let (mesh, account) = mesh::prepare(imported).map_err(|e| e.in_file(self.input))?;
         let (min, max) = bounds(&mesh.positions);
         let diagonal = (max - min).length();
         let target = self.options.error_rel * diagonal;
@@ -267,9 +267,9 @@ impl Conversion<'_> {
                 bytes: import_report.bytes,
                 triangles: import_report.triangles,
                 vertices: import_report.vertices,
-                components: account.components,
-                boundary_loops: account.boundary_loops,
-                non_manifold_edges: account.non_manifold_edges,
+                components: account.topology.components,
+                boundary_loops: account.topology.boundary_loops,
+                non_manifold_edges: account.topology.non_manifold_edges,
             },
             output,
             seconds: self.stages.started.elapsed().as_secs_f64(),
@@ -278,7 +278,8 @@ impl Conversion<'_> {
             peak_rss_bytes: process::peak_rss_bytes(),
             threads: self.threads,
             error,
-            lost: Lost::of(&import_report, &account),
+            lost: Lost::of(&account),
+            merged: Merged::of(&account),
         })
     }
 

@@ -1,7 +1,6 @@
 //! The machine-readable report of a conversion: the keys of the command line's contract.
 
-use crate::import::ImportReport;
-use crate::mesh::Account;
+use crate::mesh::account::{Account, Reason};
 
 /// What a conversion did.
 #[derive(Debug, Clone, serde::Serialize)]
@@ -24,6 +23,8 @@ pub struct Report {
     pub error: ErrorReport,
     /// Input that is not in the output.
     pub lost: Lost,
+    /// Input that repeats other input.
+    pub merged: Merged,
 }
 
 /// What was read.
@@ -38,11 +39,11 @@ pub struct InputReport {
     /// Vertices as stored.
     pub vertices: u64,
     /// Connected components after welding.
-    pub components: u64,
+    pub components: usize,
     /// Boundary loops after welding.
-    pub boundary_loops: u64,
+    pub boundary_loops: usize,
     /// Edges of more than two triangles after welding.
-    pub non_manifold_edges: u64,
+    pub non_manifold_edges: usize,
 }
 
 /// What was written.
@@ -86,14 +87,37 @@ pub struct ErrorReport {
 #[derive(Debug, Clone, serde::Serialize)]
 pub struct Lost {
     /// Triangles.
-    pub triangles: u64,
+    pub triangles: usize,
     /// Why, in words with counts.
     pub reason: Vec<String>,
 }
 
 impl Lost {
-    pub(crate) fn of(import: &ImportReport, account: &Account) -> Self {
-        let _ = (import, account);
-        Self { triangles: 0, reason: Vec::new() }
+    pub(crate) fn of(account: &Account) -> Self {
+        let reasons = [Reason::NonFinite, Reason::Degenerate, Reason::TooSmall];
+        let (triangles, reason) = counts(account, &reasons);
+        Self { triangles, reason }
     }
+}
+
+/// Triangles that repeat others: their surface is in the output once.
+#[derive(Debug, Clone, serde::Serialize)]
+pub struct Merged {
+    /// Triangles.
+    pub triangles: usize,
+    /// Why, in words with counts.
+    pub reason: Vec<String>,
+}
+
+impl Merged {
+    pub(crate) fn of(account: &Account) -> Self {
+        let (triangles, reason) = counts(account, &[Reason::Duplicate, Reason::SecondSide]);
+        Self { triangles, reason }
+    }
+}
+
+fn counts(account: &Account, reasons: &[Reason]) -> (usize, Vec<String>) {
+    let found = reasons.iter().map(|&r| (r, account.lost(r).triangles)).filter(|&(_, n)| n > 0);
+    let words = found.clone().map(|(reason, n)| format!("{n}: {reason}")).collect();
+    (found.map(|(_, n)| n).sum(), words)
 }

@@ -2,7 +2,7 @@
 
 use super::depth::Depth;
 use super::patch::{Border, Patch};
-use super::quantize::{coarsen, samples, world_positions};
+use super::quantize::{self, world_positions};
 use super::summary;
 use crate::parameterize::Parametrization;
 use crate::resample::{GridError, Sampler, Window};
@@ -121,7 +121,8 @@ impl<'a> ChartSampler<'a> {
     }
 
     fn samples(&self, window: Window) -> PageSamples {
-        samples(&self.sampler.grid(self.surface.borders, window), &self.surface.lattice, self.surface.colours)
+        let grid = self.sampler.grid(self.surface.borders, window);
+        quantize::samples(&grid, window.cells, &self.surface.lattice, self.surface.colours)
     }
 
     /// Errors of `samples` at every resolution of the window.

@@ -35,10 +35,10 @@ pub fn lattice_from_world(lattice: &Lattice, position: DVec3) -> [u32; 3] {
     point
 }
 
-/// Quantized samples of `grid`; colours only when `colours`.
-pub fn samples(grid: &Grid, lattice: &Lattice, colours: bool) -> PageSamples {
+/// Quantized samples of a grid of `cells` (a power of two, at most 32) cells a side; colours only when `colours`.
+pub fn samples(grid: &Grid, cells: u32, lattice: &Lattice, colours: bool) -> PageSamples {
     PageSamples {
-        resolution: grid.resolution,
+        resolution: u8::try_from(cells.trailing_zeros()).unwrap_or(u8::MAX),
         positions: grid.positions.iter().map(|&p| lattice_from_world(lattice, p)).collect(),
         normals: grid.attributes.iter().map(|a| marquetry_format::octahedral::encode(a.normal.to_array())).collect(),
         colours: if colours {
@@ -53,25 +53,6 @@ pub fn samples(grid: &Grid, lattice: &Lattice, colours: bool) -> PageSamples {
 /// World positions of quantized samples.
 pub fn world_positions(samples: &PageSamples, lattice: &Lattice) -> Vec<DVec3> {
     samples.positions.iter().map(|&p| lattice.world_from_lattice(p)).collect()
-}
-
-/// Every `2^(from - to)`-th sample of a grid at resolution `samples.resolution`.
-pub fn coarsen(samples: &PageSamples, resolution: u8) -> PageSamples {
-    let stride = 1usize << (samples.resolution - resolution);
-    let (side, coarse) = (samples.side(), (1usize << resolution) + 1);
-    fn pick<T: Copy>(all: &[T], side: usize, coarse: usize, stride: usize) -> Vec<T> {
-        if all.is_empty() {
-            return Vec::new();
-        }
-        (0..coarse * coarse).map(|k| all[k / coarse * stride * side + k % coarse * stride]).collect()
-    }
-    PageSamples {
-        resolution,
-        positions: pick(&samples.positions, side, coarse, stride),
-        normals: pick(&samples.normals, side, coarse, stride),
-        colours: pick(&samples.colours, side, coarse, stride),
-        ..PageSamples::default()
-    }
 }
 
 /// Finest resolution at or below a node: log2 of the cells a chart side.

@@ -1,14 +1,16 @@
 //! Vertex regions: disks whose adjacency is the dual of a coarse triangulation.
 //!
-//! Method: vertices are merged bottom-up under the link condition ([`contract`]), which is valid for any genus and boundary
-//! but leaves ragged borders. Voronoi cells of the regions' centres straighten them ([`voronoi`]); where those
-//! are not valid, seeds are added until they are ([`repair`]), and the cells are merged again under the link
-//! condition. [`verify()`] checks the result by counting.
+//! Method: vertices are merged bottom-up under the link condition (`contract`), which is valid for any genus and boundary
+//! but leaves ragged borders. Voronoi cells of the regions' centres straighten them (`voronoi`); where those
+//! are not valid, seeds are added until they are (`repair`), and the cells are merged again under the link
+//! condition. One more Lloyd iteration, vertex by vertex and valid at every step, makes the unions round (`relax`).
+//! [`verify()`] checks the result by counting. All lengths are relative; equal input gives equal output.
 //! Limits: the count exceeds the target where handles and boundary loops ask for more; a pillow (two triangles with the
 //! same corners) cannot be segmented.
 
 mod complex;
 mod contract;
+mod relax;
 mod repair;
 mod surface;
 mod verify;
@@ -37,9 +39,6 @@ use contract::{Cell, Goal, Partition};
 use surface::Surface;
 use voronoi::Voronoi;
 
-/// Lloyd iterations: the first straightens, the second evens out what re-merging left.
-const ITERATIONS: u32 = 2;
-
 /// The label of every vertex of a [`ManifoldMesh`].
 ///
 /// Let K be the mesh with every boundary loop closed by a virtual vertex of its own region. Then: every region's dual cell
@@ -63,12 +62,9 @@ pub fn segment(mesh: &ManifoldMesh, target_regions: u32) -> Segmentation {
     let surface = Surface::of(mesh);
     let goals = goals(&surface, target_regions);
     let mut labels = merge_vertices(&surface, &goals);
-    let mut distances = Vec::new();
-    for _ in 0..ITERATIONS {
-        let cells = straighten(mesh, &surface, &labels);
-        labels = merge_cells(mesh, &surface, &cells, &goals);
-        distances = cells.distances;
-    }
+    let cells = straighten(mesh, &surface, &labels);
+    labels = merge_cells(mesh, &surface, &cells, &goals);
+    let distances = relax(mesh, &surface, &mut labels);
     let crossings = voronoi::crossings(mesh, &surface, &labels.of, &distances);
     for label in &mut labels.of {
         *label = if *label == NONE { 0 } else { *label };
@@ -172,7 +168,7 @@ fn merge_vertices(surface: &Surface, goals: &[Goal]) -> Labels {
 fn straighten(mesh: &ManifoldMesh, surface: &Surface, labels: &Labels) -> Voronoi {
     let mut voronoi = Voronoi::of(
         surface,
-        &voronoi::centres(surface, &labels.of, labels.count),
+        &voronoi::centres(surface, &labels.of, labels.count, 0.0),
     );
     let stubborn = repair::repair(mesh, surface, &mut voronoi);
     if stubborn.is_empty() {
@@ -191,6 +187,25 @@ fn straighten(mesh: &ManifoldMesh, surface: &Surface, labels: &Labels) -> Vorono
         }
     }
     voronoi
+}
+
+/// One Lloyd iteration from valid labels to valid labels. Returns distances to the centres, NaN where not known.
+fn relax(mesh: &ManifoldMesh, surface: &Surface, labels: &mut Labels) -> Vec<f64> {
+    // Full bias: the small regions that handles force would else grow into their neighbours.
+    let seeds = voronoi::centres(surface, &labels.of, labels.count, 1.0);
+    let Voronoi {
+        labels: wanted,
+        mut distances,
+        ..
+    } = Voronoi::of(surface, &seeds);
+    let mut dual = adjacency(mesh, surface, labels);
+    relax::relax(mesh, surface, &wanted, &distances, &mut dual, labels);
+    for (distance, (label, wanted)) in distances.iter_mut().zip(labels.of.iter().zip(&wanted)) {
+        if label != wanted {
+            *distance = f64::NAN;
+        }
+    }
+    distances
 }
 
 fn merge_cells(

@@ -94,6 +94,32 @@ impl Complex {
         self.gained = gained;
     }
 
+    /// Replaces edge `old` by `new` unless that is an edge already; whether it did.
+    pub(super) fn flip(&mut self, old: [u32; 2], new: [u32; 2]) -> bool {
+        if self.adjacent(new[0], new[1]) {
+            return false;
+        }
+        self.remove(old[0], old[1]);
+        self.remove(old[1], old[0]);
+        self.insert(new[0], new[1]);
+        self.insert(new[1], new[0]);
+        true
+    }
+
+    fn insert(&mut self, v: u32, w: u32) {
+        let mut span = self.spans[v as usize];
+        if span.len == span.capacity {
+            let from = span.start as usize..(span.start + span.len) as usize;
+            span.start = id(self.pool.len());
+            span.capacity = span.len + 4;
+            self.pool.extend_from_within(from);
+            self.pool.resize((span.start + span.capacity) as usize, 0);
+        }
+        self.pool[(span.start + span.len) as usize] = w;
+        span.len += 1;
+        self.spans[v as usize] = span;
+    }
+
     fn slots(&mut self, v: u32) -> &mut [u32] {
         let span = self.spans[v as usize];
         &mut self.pool[span.start as usize..][..span.len as usize]

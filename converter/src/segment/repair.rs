@@ -7,7 +7,7 @@
 use super::complex::id;
 use super::surface::Surface;
 use super::verify::{Violation, faults, pieces};
-use super::voronoi::Voronoi;
+use super::voronoi::{Seed, Voronoi};
 use crate::mesh::ManifoldMesh;
 
 /// Rounds after which a component that is still invalid is given up; two or three dozen are normal for genus 100.
@@ -33,7 +33,10 @@ pub(super) fn repair(mesh: &ManifoldMesh, surface: &Surface, voronoi: &mut Voron
             break;
         }
         voronoi.touched.fill(false);
-        voronoi.add(surface, &seeds);
+        voronoi.add(
+            surface,
+            seeds.iter().map(|&vertex| Seed { vertex, start: 0.0 }),
+        );
     }
     let regions = voronoi.seeds.len();
     let mut stubborn: Vec<u32> = bad

@@ -104,12 +104,16 @@ fn shape(mesh: &ManifoldMesh, segmentation: &Segmentation) -> String {
     )
 }
 
-#[test]
-fn smallest_surfaces_are_their_own_dual() {
-    let triangle = Soup {
+fn triangle() -> Soup {
+    Soup {
         positions: vec![DVec3::ZERO, DVec3::X, DVec3::Y],
         triangles: vec![[0, 1, 2]],
-    };
+    }
+}
+
+#[test]
+fn smallest_surfaces_are_their_own_dual() {
+    let triangle = triangle();
     assert_eq!(check("triangle", &triangle.manifold(), 30).regions, 3);
     assert_eq!(
         check("tetrahedron", &Soup::tetrahedron().manifold(), 1).regions,
@@ -127,6 +131,14 @@ fn smallest_surfaces_are_their_own_dual() {
         );
     }
     assert_eq!(check("soup", &soup.manifold(), 10).regions, 300);
+}
+
+#[test]
+fn pillow_is_refused_by_the_verifier() {
+    let mut pillow = triangle();
+    pillow.triangles.push([0, 2, 1]);
+    let mesh = pillow.manifold();
+    assert!(verify(&mesh, &segment(&mesh, 3)).is_err());
 }
 
 #[test]

@@ -9,6 +9,15 @@ use crate::mesh::{ManifoldMesh, NONE};
 use std::cmp::Reverse;
 use std::collections::BinaryHeap;
 
+/// Where a cell grows from.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Seed {
+    /// The vertex.
+    pub(super) vertex: u32,
+    /// Its distance to begin with, not negative.
+    pub(super) start: f64,
+}
+
 /// The nearest seed of every vertex.
 #[derive(Debug, Clone)]
 pub(super) struct Voronoi {
@@ -24,7 +33,7 @@ pub(super) struct Voronoi {
 
 impl Voronoi {
     /// Cells of `seeds`.
-    pub(super) fn of(surface: &Surface, seeds: &[u32]) -> Self {
+    pub(super) fn of(surface: &Surface, seeds: &[Seed]) -> Self {
         let count = surface.cells.len();
         let mut voronoi = Self {
             seeds: Vec::new(),
@@ -32,23 +41,27 @@ impl Voronoi {
             distances: vec![f64::INFINITY; count],
             touched: Vec::new(),
         };
-        voronoi.add(surface, seeds);
+        voronoi.add(surface, seeds.iter().copied());
         voronoi
     }
 
     /// Adds seeds; they take over what is nearer to them.
-    pub(super) fn add(&mut self, surface: &Surface, seeds: &[u32]) {
+    pub(super) fn add(&mut self, surface: &Surface, seeds: impl IntoIterator<Item = Seed>) {
         let mut front = BinaryHeap::new();
-        for &seed in seeds {
+        for Seed {
+            vertex: seed,
+            start,
+        } in seeds
+        {
             let label = id(self.seeds.len());
             self.seeds.push(seed);
             self.touched.push(true);
-            self.distances[seed as usize] = 0.0;
+            self.distances[seed as usize] = start;
             if let Some(touched) = self.touched.get_mut(self.labels[seed as usize] as usize) {
                 *touched = true;
             }
             self.labels[seed as usize] = label;
-            front.push(Reverse((0, seed)));
+            front.push(Reverse((start.to_bits(), seed)));
         }
         spread(surface, &mut front, &mut self.distances, |from, to| {
             let label = self.labels[from as usize];
@@ -95,8 +108,9 @@ fn spread(
     }
 }
 
-/// A seed for each region: far from its border, yet near its centroid.
-pub(super) fn centres(surface: &Surface, labels: &[u32], regions: u32) -> Vec<u32> {
+/// A seed for each region: far from its border, yet near its centroid. With `bias` 1 distances begin at the rim of the
+/// circle that fits into the region, so that cells keep their sizes; with 0 all begin alike.
+pub(super) fn centres(surface: &Surface, labels: &[u32], regions: u32, bias: f64) -> Vec<Seed> {
     let mut means = vec![super::contract::Cell::default(); regions as usize];
     let mut depths = vec![f64::INFINITY; labels.len()];
     let mut front = BinaryHeap::new();
@@ -135,9 +149,16 @@ pub(super) fn centres(surface: &Surface, labels: &[u32], regions: u32) -> Vec<u3
             best[label] = (score, v);
         }
     }
-    best.into_iter()
-        .map(|(_, v)| v)
-        .filter(|&v| v != NONE)
+    let seeds = best.into_iter().map(|(_, v)| v).filter(|&v| v != NONE);
+    let deepest = seeds
+        .clone()
+        .map(|v| depths[v as usize])
+        .fold(0.0, f64::max);
+    seeds
+        .map(|vertex| Seed {
+            vertex,
+            start: bias * (deepest - depths[vertex as usize]),
+        })
         .collect()
 }
 

@@ -13,7 +13,11 @@ pub(crate) struct Cursor<'a> {
 impl<'a> Cursor<'a> {
     /// Reads `bytes`; `what` names them in errors.
     pub(crate) fn new(what: &'static str, bytes: &'a [u8]) -> Self {
-        Self { what, bytes, total: bytes.len() }
+        Self {
+            what,
+            bytes,
+            total: bytes.len(),
+        }
     }
 
     /// The next `count` bytes.
@@ -64,12 +68,22 @@ impl<'a> Cursor<'a> {
             value |= u64::from(byte & 0x7f) << shift;
             if byte & 0x80 == 0 {
                 if byte == 0 && shift > 0 {
-                    return Err(Error::Value { what: self.what, found: value });
+                    return Err(Error::Value {
+                        what: self.what,
+                        found: value,
+                    });
                 }
-                return u32::try_from(value).map_err(|_| Error::Value { what: self.what, found: value });
+                let out_of_range = Error::Value {
+                    what: self.what,
+                    found: value,
+                };
+                return u32::try_from(value).ok().ok_or(out_of_range);
             }
         }
-        Err(Error::Value { what: self.what, found: value })
+        Err(Error::Value {
+            what: self.what,
+            found: value,
+        })
     }
 
     /// Everything that is left.
@@ -94,10 +108,10 @@ impl<'a> Cursor<'a> {
 #[cfg(not(target_arch = "wasm32"))]
 pub(crate) fn push_leb128(out: &mut Vec<u8>, mut value: u32) {
     while value >= 0x80 {
-        out.push((value & 0x7f) as u8 | 0x80);
+        out.push(value.to_le_bytes()[0] | 0x80);
         value >>= 7;
     }
-    out.push(value as u8 & 0x7f);
+    out.push(value.to_le_bytes()[0]);
 }
 
 #[cfg(test)]
@@ -119,14 +133,32 @@ mod tests {
     fn long_leb128_is_refused() {
         assert!(Cursor::new("test", &[0x80, 0x00]).leb128().is_err());
         assert!(Cursor::new("test", &[0xff; 6]).leb128().is_err());
-        assert!(Cursor::new("test", &[0xff, 0xff, 0xff, 0xff, 0x1f]).leb128().is_err());
+        assert!(
+            Cursor::new("test", &[0xff, 0xff, 0xff, 0xff, 0x1f])
+                .leb128()
+                .is_err()
+        );
     }
 
     #[test]
     fn reading_past_the_end_is_an_error() {
         let mut cursor = Cursor::new("test", &[1, 2, 3]);
         assert_eq!(cursor.u16().unwrap(), 0x0201);
-        assert!(matches!(cursor.u16(), Err(Error::Truncated { expected: 4, found: 3, .. })));
-        assert!(matches!(cursor.finish(), Err(Error::TrailingBytes { expected: 2, found: 3, .. })));
+        assert!(matches!(
+            cursor.u16(),
+            Err(Error::Truncated {
+                expected: 4,
+                found: 3,
+                ..
+            })
+        ));
+        assert!(matches!(
+            cursor.finish(),
+            Err(Error::TrailingBytes {
+                expected: 2,
+                found: 3,
+                ..
+            })
+        ));
     }
 }

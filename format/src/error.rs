@@ -21,7 +21,10 @@ pub enum Error {
         found: Vec<u8>,
     },
     /// The file was written for another major version of the format.
-    #[error("format version {major}.{minor} is not supported, this reader knows {}.x", crate::header::MAJOR)]
+    #[error(
+        "format version {major}.{minor} is not supported, this reader knows {}.x",
+        crate::header::MAJOR
+    )]
     UnsupportedVersion {
         /// Major version of the file.
         major: u16,
@@ -49,7 +52,9 @@ pub enum Error {
         found: u64,
     },
     /// Stored and computed checksums differ: the bytes were damaged.
-    #[error("{what} at byte {offset} is damaged: checksum {stored:#018x} stored, {computed:#018x} computed")]
+    #[error(
+        "{what} at byte {offset} is damaged: checksum {stored:#018x} stored, {computed:#018x} computed"
+    )]
     Checksum {
         /// The part.
         what: &'static str,

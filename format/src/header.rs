@@ -118,7 +118,16 @@ pub(crate) fn check(
     stored: u64,
 ) -> Result<(), Error> {
     let computed = checksum(content_id, bytes);
-    if computed == stored { Ok(()) } else { Err(Error::Checksum { what, offset, stored, computed }) }
+    if computed == stored {
+        Ok(())
+    } else {
+        Err(Error::Checksum {
+            what,
+            offset,
+            stored,
+            computed,
+        })
+    }
 }
 
 impl Header {
@@ -134,7 +143,9 @@ impl Header {
     pub fn parse(bytes: &[u8]) -> Result<Self, Error> {
         let known = bytes.len().min(MAGIC.len());
         if bytes.get(..known) != MAGIC.get(..known) {
-            return Err(Error::NotMarq { found: bytes.get(..known).unwrap_or_default().to_vec() });
+            return Err(Error::NotMarq {
+                found: bytes.get(..known).unwrap_or_default().to_vec(),
+            });
         }
         let mut cursor = Cursor::new("header", bytes);
         cursor.take(MAGIC.len())?;
@@ -151,22 +162,43 @@ impl Header {
         let stored = cursor.u64()?;
         if section_count > MAX_SECTIONS {
             let limit = u64::from(MAX_SECTIONS);
-            return Err(Error::Limit { what: "sections", limit, found: u64::from(section_count) });
+            return Err(Error::Limit {
+                what: "sections",
+                limit,
+                found: u64::from(section_count),
+            });
         }
         let table_length = Self::encoded_length(section_count).saturating_sub(HEADER_BYTES);
         let table = cursor.take(usize::try_from(table_length).unwrap_or(usize::MAX))?;
         let computed = Self::checksum_of(&content_id, bytes, table);
         if computed != stored {
-            return Err(Error::Checksum { what: "header", offset: 0, stored, computed });
+            return Err(Error::Checksum {
+                what: "header",
+                offset: 0,
+                stored,
+                computed,
+            });
         }
         if flags != 0 {
-            return Err(Error::Reserved { what: "header flags", value: u64::from(flags) });
+            return Err(Error::Reserved {
+                what: "header flags",
+                value: u64::from(flags),
+            });
         }
         if reserved != 0 {
-            return Err(Error::Reserved { what: "header", value: u64::from(reserved) });
+            return Err(Error::Reserved {
+                what: "header",
+                value: u64::from(reserved),
+            });
         }
         let sections = Self::parse_table(table, section_count)?;
-        let header = Self { minor, file_length, content_id, front_length, sections };
+        let header = Self {
+            minor,
+            file_length,
+            content_id,
+            front_length,
+            sections,
+        };
         header.check_layout()?;
         Ok(header)
     }
@@ -184,15 +216,29 @@ impl Header {
             let (kind, flags) = (cursor.u32()?, cursor.u32()?);
             let (offset, length, checksum) = (cursor.u64()?, cursor.u64()?, cursor.u64()?);
             if flags & !MUST_UNDERSTAND != 0 {
-                return Err(Error::Reserved { what: "section flags", value: u64::from(flags) });
+                return Err(Error::Reserved {
+                    what: "section flags",
+                    value: u64::from(flags),
+                });
             }
-            if flags & MUST_UNDERSTAND != 0 && !ATLAS_SECTIONS.iter().any(|&known| known as u32 == kind) {
+            if flags & MUST_UNDERSTAND != 0
+                && !ATLAS_SECTIONS.iter().any(|&known| known as u32 == kind)
+            {
                 return Err(Error::UnknownSection { index, kind });
             }
             let Some(end) = offset.checked_add(length) else {
-                return Err(Error::Section { index, kind, fault: "ends beyond any file" });
+                return Err(Error::Section {
+                    index,
+                    kind,
+                    fault: "ends beyond any file",
+                });
             };
-            sections.push(Section { kind, flags, range: offset..end, checksum });
+            sections.push(Section {
+                kind,
+                flags,
+                range: offset..end,
+                checksum,
+            });
         }
         Ok(sections)
     }
@@ -203,16 +249,28 @@ impl Header {
         for (index, section) in (0u32..).zip(&self.sections) {
             let kind = section.kind;
             if section.range.start != end {
-                return Err(Error::Section { index, kind, fault: "does not start where the one before it ends" });
+                return Err(Error::Section {
+                    index,
+                    kind,
+                    fault: "does not start where the one before it ends",
+                });
             }
             end = section.range.end;
             if atlas.peek() == Some(&kind) {
                 atlas.next();
             } else if ATLAS_SECTIONS.iter().any(|&known| known as u32 == kind) {
-                return Err(Error::Section { index, kind, fault: "is out of order or there twice" });
+                return Err(Error::Section {
+                    index,
+                    kind,
+                    fault: "is out of order or there twice",
+                });
             }
             if kind == SectionKind::Base as u32 && end != self.front_length {
-                return Err(Error::Section { index, kind, fault: "does not end where the front does" });
+                return Err(Error::Section {
+                    index,
+                    kind,
+                    fault: "does not end where the front does",
+                });
             }
         }
         if let Some(kind) = atlas.next() {
@@ -234,7 +292,10 @@ impl Header {
     /// When there is none.
     pub fn section(&self, kind: SectionKind) -> Result<&Section, Error> {
         let kind = kind as u32;
-        self.sections.iter().find(|section| section.kind == kind).ok_or(Error::MissingSection { kind })
+        self.sections
+            .iter()
+            .find(|section| section.kind == kind)
+            .ok_or(Error::MissingSection { kind })
     }
 
     /// Header and table as bytes, checksum included.
@@ -247,7 +308,11 @@ impl Header {
         out.extend(self.file_length.to_le_bytes());
         out.extend(self.content_id);
         out.extend(self.front_length.to_le_bytes());
-        out.extend(u32::try_from(self.sections.len()).unwrap_or(u32::MAX).to_le_bytes());
+        out.extend(
+            u32::try_from(self.sections.len())
+                .unwrap_or(u32::MAX)
+                .to_le_bytes(),
+        );
         out.extend(0u32.to_le_bytes());
         let mut table = Vec::new();
         for section in &self.sections {

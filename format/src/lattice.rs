@@ -21,9 +21,10 @@ pub struct Lattice {
 
 impl Lattice {
     /// World position of `point`.
-    pub fn world_from_lattice(&self, point: LatticePoint) -> DVec3 {
+    #[allow(clippy::arithmetic_side_effects, reason = "floats")]
+    pub fn world_from_lattice(&self, [x, y, z]: LatticePoint) -> DVec3 {
         DVec3::from_array(self.origin)
-            + self.step * DVec3::new(f64::from(point[0]), f64::from(point[1]), f64::from(point[2]))
+            + self.step * DVec3::new(f64::from(x), f64::from(y), f64::from(z))
     }
 }
 

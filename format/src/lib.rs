@@ -3,6 +3,20 @@
 //! Knows no async runtime, no GPU and no mesh processing, and builds for wasm32, where it reads only.
 //! `SPEC.md` beside this crate describes the bytes; the vocabulary is in the project's `ARCHITECTURE.md`.
 
+#![cfg_attr(
+    not(test),
+    warn(clippy::indexing_slicing, clippy::arithmetic_side_effects)
+)]
+#![cfg_attr(
+    test,
+    allow(
+        clippy::cast_possible_truncation,
+        clippy::cast_possible_wrap,
+        clippy::cast_sign_loss,
+        reason = "test data are small"
+    )
+)]
+
 mod bytes;
 mod bytes_by_part;
 pub mod chart;

@@ -55,13 +55,21 @@ impl Metadata {
         let length = bytes.len() as u64;
         let limit = limits.metadata_bytes.min(MAX_METADATA_BYTES as u64);
         if length > limit {
-            return Err(Error::Limit { what: "metadata", limit, found: length });
+            return Err(Error::Limit {
+                what: "metadata",
+                limit,
+                found: length,
+            });
         }
         let config = bincode::config::standard().with_limit::<MAX_METADATA_BYTES>();
         let (metadata, used): (Self, usize) = bincode::serde::decode_from_slice(bytes, config)
             .map_err(|error| Error::Metadata(error.to_string()))?;
         if used != bytes.len() {
-            return Err(Error::TrailingBytes { what: "metadata", expected: used as u64, found: length });
+            return Err(Error::TrailingBytes {
+                what: "metadata",
+                expected: used as u64,
+                found: length,
+            });
         }
         metadata.check()?;
         Ok(metadata)
@@ -70,22 +78,44 @@ impl Metadata {
     /// Refuses values that readers could not work with.
     pub(crate) fn check(&self) -> Result<(), Error> {
         let refuse = |what: &str| Err(Error::Metadata(what.to_owned()));
-        let Lattice { origin, step, shift } = self.lattice;
-        if !(step.is_finite() && step > 0.0) || !origin.iter().all(|c| c.is_finite()) {
+        let Lattice {
+            origin,
+            step,
+            shift,
+        } = self.lattice;
+        let finite = step.is_finite() && origin.iter().all(|c| c.is_finite());
+        if !finite || step <= 0.0 {
             return refuse("the lattice needs a finite origin and a finite step above zero");
         }
         if shift > 15 {
             return refuse("the lattice's shift is above 15");
         }
-        let ordered = self.bounds_min.iter().zip(&self.bounds_max).all(|(min, max)| min <= max);
-        if !ordered || !self.bounds_min.iter().chain(&self.bounds_max).all(|c| c.is_finite()) {
+        let ordered = self
+            .bounds_min
+            .iter()
+            .zip(&self.bounds_max)
+            .all(|(min, max)| min <= max);
+        if !ordered
+            || !self
+                .bounds_min
+                .iter()
+                .chain(&self.bounds_max)
+                .all(|c| c.is_finite())
+        {
             return refuse("the bounds are not finite or not in order");
         }
         if self.up_axis > 2 {
             return refuse("the up axis is none of 0, 1, 2");
         }
-        let errors = [self.target_error_rel, self.max_error_rel, self.rms_error_rel];
-        if !errors.iter().all(|error| error.is_finite() && *error >= 0.0) {
+        let errors = [
+            self.target_error_rel,
+            self.max_error_rel,
+            self.rms_error_rel,
+        ];
+        if !errors
+            .iter()
+            .all(|error| error.is_finite() && *error >= 0.0)
+        {
             return refuse("an error is negative or not finite");
         }
         Ok(())

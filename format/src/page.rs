@@ -30,6 +30,6 @@ pub struct PageSamples {
 impl PageSamples {
     /// Samples a side.
     pub fn side(&self) -> usize {
-        (1usize << self.resolution) + 1
+        crate::codec::grid::side_of(self.resolution)
     }
 }

@@ -2,7 +2,10 @@
 
 /// Maps every item; results are in the order of the items, whatever the number of threads.
 #[cfg(not(target_arch = "wasm32"))]
-pub(crate) fn map_ordered<T: Sync, R: Send>(items: &[T], f: impl Fn(&T) -> R + Sync + Send) -> Vec<R> {
+pub(crate) fn map_ordered<T: Sync, R: Send>(
+    items: &[T],
+    f: impl Fn(&T) -> R + Sync + Send,
+) -> Vec<R> {
     use rayon::prelude::*;
     items.par_iter().map(f).collect()
 }

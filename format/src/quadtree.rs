@@ -1,5 +1,10 @@
 //! Quadtree nodes of a chart and their neighbours, across glue too.
 
+#![allow(
+    clippy::arithmetic_side_effects,
+    reason = "the level of a node is at most MAX_LEVEL, its coordinates are below 2^level"
+)]
+
 use crate::chart::{ChartId, Glue, Side};
 
 /// Cells a side of a full page, as a power of two.
@@ -27,10 +32,16 @@ pub struct Quadrant(pub u8);
 impl NodeId {
     /// The root node of `chart`.
     pub fn root(chart: ChartId) -> Self {
-        Self { chart, level: 0, x: 0, y: 0 }
+        Self {
+            chart,
+            level: 0,
+            x: 0,
+            y: 0,
+        }
     }
 
     /// The child in `quadrant`.
+    #[must_use]
     pub fn child(self, quadrant: Quadrant) -> Self {
         Self {
             chart: self.chart,
@@ -44,7 +55,15 @@ impl NodeId {
     pub fn parent(self) -> Option<(Self, Quadrant)> {
         let level = self.level.checked_sub(1)?;
         let quadrant = u8::from(self.x & 1 == 1) | u8::from(self.y & 1 == 1) << 1;
-        Some((Self { chart: self.chart, level, x: self.x >> 1, y: self.y >> 1 }, Quadrant(quadrant)))
+        Some((
+            Self {
+                chart: self.chart,
+                level,
+                x: self.x >> 1,
+                y: self.y >> 1,
+            },
+            Quadrant(quadrant),
+        ))
     }
 
     /// The node of the same level on the other side of `side`, with the side of it that faces back and
@@ -62,7 +81,11 @@ impl NodeId {
             3 if self.x > 0 => return inside(self.x - 1, self.y),
             _ => {}
         }
-        let Glue { chart, side: to, reversed } = (*glue.get(usize::from(side.0))?)?;
+        let Glue {
+            chart,
+            side: to,
+            reversed,
+        } = (*glue.get(usize::from(side.0))?)?;
         // Position along our side, counted counter-clockwise.
         let along = match side.0 {
             0 => self.x,
@@ -77,6 +100,15 @@ impl NodeId {
             2 => (n - 1 - t, n - 1),
             _ => (0, n - 1 - t),
         };
-        Some((Self { chart, level: self.level, x, y }, to, reversed))
+        Some((
+            Self {
+                chart,
+                level: self.level,
+                x,
+                y,
+            },
+            to,
+            reversed,
+        ))
     }
 }

@@ -1,6 +1,6 @@
 //! The rules that hold between nodes: glue, borders, balance, errors. The writer enforces what `verify` checks.
 
-use crate::{Glue, LatticePoint, NodeId, PageSamples, Quadrant, Side};
+use crate::{Glue, LatticePoint, NodeId, PageSamples, Side};
 
 /// Most failures that a tally puts into words.
 pub(crate) const MAX_FAILURES: usize = 20;
@@ -69,7 +69,12 @@ impl Topology {
         let mut same_level = true;
         loop {
             if let Some(page) = self.find(node) {
-                return Some(Neighbour { page, side, reversed, same_level });
+                return Some(Neighbour {
+                    page,
+                    side,
+                    reversed,
+                    same_level,
+                });
             }
             node = node.parent()?.0;
             same_level = false;
@@ -78,12 +83,17 @@ impl Topology {
 
     fn node_name(&self, page: u32) -> String {
         self.nodes.get(at(page)).map_or_else(String::new, |node| {
-            format!("page {page} (chart {}, level {}, {}, {})", node.chart.0, node.level, node.x, node.y)
+            format!(
+                "page {page} (chart {}, level {}, {}, {})",
+                node.chart.0, node.level, node.x, node.y
+            )
         })
     }
 
     fn pages(&self) -> impl Iterator<Item = (u32, Side)> {
-        (0u32..).zip(&self.nodes).flat_map(|(page, _)| (0..4).map(move |side| (page, Side(side))))
+        (0u32..)
+            .zip(&self.nodes)
+            .flat_map(|(page, _)| (0..4).map(move |side| (page, Side(side))))
     }
 
     fn resolution(&self, page: u32) -> u8 {
@@ -102,7 +112,10 @@ impl Topology {
         for (chart, glue) in (0u32..).zip(&self.glue) {
             for (side, glue) in (0u8..).zip(glue) {
                 let Some(glue) = glue else { continue };
-                let back = self.glue.get(at(glue.chart.0)).and_then(|sides| sides.get(usize::from(glue.side.0)));
+                let back = self
+                    .glue
+                    .get(at(glue.chart.0))
+                    .and_then(|sides| sides.get(usize::from(glue.side.0)));
                 let back = back.copied().flatten();
                 let mutual = back.is_some_and(|back| {
                     back.chart.0 == chart && back.side.0 == side && back.reversed == glue.reversed
@@ -124,12 +137,26 @@ impl Topology {
     pub(crate) fn check_balance(&self) -> Tally {
         let mut tally = Tally::default();
         for (page, side) in self.pages() {
-            if self.first_children.get(at(page)).copied().flatten().is_some() {
+            if self
+                .first_children
+                .get(at(page))
+                .copied()
+                .flatten()
+                .is_some()
+            {
                 continue;
             }
-            let Some(neighbour) = self.neighbour(page, side) else { continue };
+            let Some(neighbour) = self.neighbour(page, side) else {
+                continue;
+            };
             // A neighbour with children is checked from its leaves.
-            if self.first_children.get(at(neighbour.page)).copied().flatten().is_some() {
+            if self
+                .first_children
+                .get(at(neighbour.page))
+                .copied()
+                .flatten()
+                .is_some()
+            {
                 continue;
             }
             let (own, other) = (self.finest(page), self.finest(neighbour.page));
@@ -152,16 +179,28 @@ impl Topology {
         let mut tally = Tally::default();
         let border = |page: u32| borders.get(at(page)).and_then(Option::as_ref);
         for (page, side) in self.pages() {
-            let Some(other) = self.neighbour(page, side).filter(|other| other.same_level) else { continue };
+            let Some(other) = self.neighbour(page, side).filter(|other| other.same_level) else {
+                continue;
+            };
             if (other.page, other.side) < (page, side) {
                 continue;
             }
-            let (Some(own), Some(theirs)) = (border(page), border(other.page)) else { continue };
+            let (Some(own), Some(theirs)) = (border(page), border(other.page)) else {
+                continue;
+            };
             let resolution = self.resolution(page).min(self.resolution(other.page));
             let cells = 1usize << resolution;
             for t in 0..=cells {
                 let a = own.sample(side, t, resolution);
-                let b = theirs.sample(other.side, if other.reversed { cells.saturating_sub(t) } else { t }, resolution);
+                let b = theirs.sample(
+                    other.side,
+                    if other.reversed {
+                        cells.saturating_sub(t)
+                    } else {
+                        t
+                    },
+                    resolution,
+                );
                 tally.check(a == b && a.is_some(), || {
                     format!(
                         "sample {t} of {cells} along side {} of {} differs from side {} of {}: {a:?} and {b:?}",
@@ -183,14 +222,22 @@ impl Topology {
             let own = errors(page);
             for (resolution, pair) in own.windows(2).enumerate() {
                 tally.check(pair.is_sorted_by(|a, b| a >= b), || {
-                    format!("the error of {} grows after resolution {resolution}: {pair:?}", self.node_name(page))
+                    format!(
+                        "the error of {} grows after resolution {resolution}: {pair:?}",
+                        self.node_name(page)
+                    )
                 });
             }
-            let (Some(first), Some(&last)) = (children, own.last()) else { continue };
+            let (Some(first), Some(&last)) = (children, own.last()) else {
+                continue;
+            };
             for child in *first..first.saturating_add(4) {
                 let fine = errors(child).first().copied();
                 tally.check(fine.is_some_and(|fine| fine <= last), || {
-                    format!("the error of {} is {fine:?}, above its parent's {last}", self.node_name(child))
+                    format!(
+                        "the error of {} is {fine:?}, above its parent's {last}",
+                        self.node_name(child)
+                    )
                 });
             }
         }
@@ -235,20 +282,20 @@ impl Border {
             side(&|t| (last.saturating_sub(t), last)),
             side(&|t| (0, last.saturating_sub(t))),
         ];
-        Self { resolution: samples.resolution, sides }
+        Self {
+            resolution: samples.resolution,
+            sides,
+        }
     }
 
     /// Sample `t` along `side` at `resolution`, which is not above the node's.
     fn sample(&self, side: Side, t: usize, resolution: u8) -> Option<BorderSample> {
         let steps = u32::from(self.resolution.checked_sub(resolution)?);
-        self.sides.get(usize::from(side.0))?.get(t.checked_shl(steps)?).copied()
+        self.sides
+            .get(usize::from(side.0))?
+            .get(t.checked_shl(steps)?)
+            .copied()
     }
-}
-
-/// Index of sample (i, j) of quadrant `quadrant` of a full page, in steps of the parent.
-pub(crate) fn parent_index(quadrant: Quadrant, i: usize, j: usize) -> usize {
-    let (right, upper) = (usize::from(quadrant.0 & 1), usize::from(quadrant.0 >> 1 & 1));
-    (16 * upper + j) * 33 + 16 * right + i
 }
 
 /// Smallest cosine between `axis` and the normals of all triangles of `samples`; `None` without any.
@@ -257,11 +304,19 @@ pub(crate) fn smallest_cosine(samples: &PageSamples, axis: [f32; 3]) -> Option<f
     let axis = axis.map(f64::from);
     let length = axis.iter().map(|c| c * c).sum::<f64>().sqrt();
     let mut smallest: Option<f64> = None;
-    for (row, next) in samples.positions.chunks_exact(side).zip(samples.positions.chunks_exact(side).skip(1)) {
+    for (row, next) in samples
+        .positions
+        .chunks_exact(side)
+        .zip(samples.positions.chunks_exact(side).skip(1))
+    {
         for (low, high) in row.windows(2).zip(next.windows(2)) {
-            let ([a, b], [d, c]) = (low, high) else { continue };
+            let ([a, b], [d, c]) = (low, high) else {
+                continue;
+            };
             for triangle in [[a, b, c], [a, c, d]] {
-                let Some(normal) = unit_normal(triangle) else { continue };
+                let Some(normal) = unit_normal(triangle) else {
+                    continue;
+                };
                 let cosine = normal.iter().zip(axis).map(|(n, a)| n * a).sum::<f64>() / length;
                 smallest = Some(smallest.map_or(cosine, |least| least.min(cosine)));
             }
@@ -272,8 +327,9 @@ pub(crate) fn smallest_cosine(samples: &PageSamples, axis: [f32; 3]) -> Option<f
 
 /// `None` for a triangle without area.
 fn unit_normal([a, b, c]: [&LatticePoint; 3]) -> Option<[f64; 3]> {
-    let edge = |to: &LatticePoint| [0, 1, 2].map(|k: usize| f64::from(to[k]) - f64::from(a[k]));
-    let ([ux, uy, uz], [vx, vy, vz]) = (edge(b), edge(c));
+    let [ax, ay, az] = a.map(f64::from);
+    let edge = |[x, y, z]: [f64; 3]| [x - ax, y - ay, z - az];
+    let ([ux, uy, uz], [vx, vy, vz]) = (edge(b.map(f64::from)), edge(c.map(f64::from)));
     // Exact: coordinates have 21 bits, products 42.
     let cross = [uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx];
     let length = cross.iter().map(|c| c * c).sum::<f64>().sqrt();

@@ -50,7 +50,10 @@ impl<T: AsRef<[u8]> + Send + Sync> ByteSource for SliceSource<T> {
 
     fn read(&self, range: Range<u64>) -> Result<Vec<u8>, SourceError> {
         let bytes = self.0.as_ref();
-        let ends = (usize::try_from(range.start).ok(), usize::try_from(range.end).ok());
+        let ends = (
+            usize::try_from(range.start).ok(),
+            usize::try_from(range.end).ok(),
+        );
         let slice = match ends {
             (Some(start), Some(end)) => bytes.get(start..end),
             _ => None,
@@ -93,7 +96,10 @@ impl FileSource {
         if metadata.is_dir() {
             return Err(SourceError::Other("is a folder, not a file".to_owned()));
         }
-        Ok(Self { file, length: metadata.len() })
+        Ok(Self {
+            file,
+            length: metadata.len(),
+        })
     }
 }
 
@@ -105,7 +111,11 @@ impl ByteSource for FileSource {
 
     fn read(&self, range: Range<u64>) -> Result<Vec<u8>, SourceError> {
         let Range { start, end } = range;
-        let outside = SourceError::OutOfRange { start, end, length: self.length };
+        let outside = SourceError::OutOfRange {
+            start,
+            end,
+            length: self.length,
+        };
         if start > end || end > self.length {
             return Err(outside);
         }
@@ -124,7 +134,11 @@ fn read_exact_at(file: &std::fs::File, bytes: &mut [u8], offset: u64) -> std::io
 }
 
 #[cfg(windows)]
-fn read_exact_at(file: &std::fs::File, mut bytes: &mut [u8], mut offset: u64) -> std::io::Result<()> {
+fn read_exact_at(
+    file: &std::fs::File,
+    mut bytes: &mut [u8],
+    mut offset: u64,
+) -> std::io::Result<()> {
     while !bytes.is_empty() {
         let read = std::os::windows::fs::FileExt::seek_read(file, bytes, offset)?;
         if read == 0 {

@@ -37,13 +37,21 @@ pub struct Report {
 
 impl Report {
     fn new() -> Self {
-        Self { ok: true, checks: Vec::new() }
+        Self {
+            ok: true,
+            checks: Vec::new(),
+        }
     }
 
     fn add(&mut self, name: &str, tally: Tally) {
         let ok = tally.failures.is_empty();
         self.ok &= ok;
-        self.checks.push(Check { name: name.to_owned(), ok, count: tally.count, failures: tally.failures });
+        self.checks.push(Check {
+            name: name.to_owned(),
+            ok,
+            count: tally.count,
+            failures: tally.failures,
+        });
     }
 }
 
@@ -55,7 +63,10 @@ pub fn verify(source: &dyn ByteSource) -> Result<Report, Error> {
     let mut document = Document::open(source, Limits::default())?;
     let mut report = Report::new();
     report.add("front fits the first image", bytes::check_front(&document));
-    report.add("section checksums", bytes::check_sections(&document, source));
+    report.add(
+        "section checksums",
+        bytes::check_sections(&document, source),
+    );
     report.add("content id", bytes::check_content_id(&document, source));
 
     let mut index = Tally::default();
@@ -64,7 +75,9 @@ pub fn verify(source: &dyn ByteSource) -> Result<Report, Error> {
             .read(document.index_block_range(block))
             .map_err(Error::from)
             .and_then(|bytes| document.load_index_block(block, &bytes));
-        index.check(loaded.is_ok(), || format!("index block {block}: {}", in_words(loaded)));
+        index.check(loaded.is_ok(), || {
+            format!("index block {block}: {}", in_words(loaded))
+        });
     }
     let complete = index.failures.is_empty();
     report.add("index blocks", index);
@@ -75,5 +88,7 @@ pub fn verify(source: &dyn ByteSource) -> Result<Report, Error> {
 }
 
 fn in_words<T>(result: Result<T, Error>) -> String {
-    result.err().map_or_else(String::new, |error| error.to_string())
+    result
+        .err()
+        .map_or_else(String::new, |error| error.to_string())
 }

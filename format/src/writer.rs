@@ -4,6 +4,13 @@
 //! are the same for any number of threads. Nothing is written before the input was checked against every rule
 //! that [`verify`](crate::verify) checks.
 
+#![allow(
+    clippy::arithmetic_side_effects,
+    clippy::indexing_slicing,
+    clippy::cast_possible_truncation,
+    reason = "no bytes of a file come here, the input is checked first, and sums of sizes in memory fit 64 bits"
+)]
+
 mod input;
 
 pub use crate::BytesByPart;
@@ -68,12 +75,20 @@ pub fn write_atlas(
 ) -> Result<BytesByPart, Error> {
     if metadata.lattice != *lattice {
         let detail = format!("{:?} and {lattice:?}", metadata.lattice);
-        return Err(Error::Input { rule: "the metadata repeats the lattice", detail });
+        return Err(Error::Input {
+            rule: "the metadata repeats the lattice",
+            detail,
+        });
     }
     let metadata_bytes = metadata.encode()?;
-    let coding = Coding { shift: lattice.shift, has_colours: metadata.has_colours };
+    let coding = Coding {
+        shift: lattice.shift,
+        has_colours: metadata.has_colours,
+    };
     let pages = Pages::new(charts, coding)?;
-    let block_count = u32::try_from(pages.flat.len()).unwrap_or(u32::MAX).div_ceil(BLOCK_PAGES);
+    let block_count = u32::try_from(pages.flat.len())
+        .unwrap_or(u32::MAX)
+        .div_ceil(BLOCK_PAGES);
 
     let before_charts = Header::encoded_length(ATLAS_SECTIONS.len() as u32)
         + metadata_bytes.len() as u64
@@ -83,30 +98,66 @@ pub fn write_atlas(
 
     let facts = encoded
         .chunks(BLOCK_PAGES as usize)
-        .map(|block| encode_facts(&block.iter().map(|page| page.facts.clone()).collect::<Vec<_>>()))
+        .map(|block| {
+            encode_facts(
+                &block
+                    .iter()
+                    .map(|page| page.facts.clone())
+                    .collect::<Vec<_>>(),
+            )
+        })
         .collect::<Result<Vec<_>, Error>>()?;
     let content_id = content_id(&metadata_bytes, &front, &facts, &encoded);
 
     let index_start = before_charts + (front.charts.len() + front.base.len()) as u64;
     let (index_bytes, directory) = index(&content_id, charts.len(), index_start, &encoded, &facts);
-    let page_bytes: Vec<u8> = encoded.iter().flat_map(|page| &page.bytes).copied().collect();
+    let page_bytes: Vec<u8> = encoded
+        .iter()
+        .flat_map(|page| &page.bytes)
+        .copied()
+        .collect();
 
-    let bodies = [metadata_bytes, directory.encode(), front.charts, front.base, index_bytes, page_bytes];
+    let bodies = [
+        metadata_bytes,
+        directory.encode(),
+        front.charts,
+        front.base,
+        index_bytes,
+        page_bytes,
+    ];
     let mut end = Header::encoded_length(ATLAS_SECTIONS.len() as u32);
     let mut sections = Vec::new();
     for (kind, body) in ATLAS_SECTIONS.into_iter().zip(&bodies) {
         let range = end..end + body.len() as u64;
         end = range.end;
         let checksum = checksum(&content_id, body);
-        sections.push(Section { kind: kind as u32, flags: MUST_UNDERSTAND, range, checksum });
+        sections.push(Section {
+            kind: kind as u32,
+            flags: MUST_UNDERSTAND,
+            range,
+            checksum,
+        });
     }
-    let header = Header { minor: MINOR, file_length: end, content_id, front_length: index_start, sections };
+    let header = Header {
+        minor: MINOR,
+        file_length: end,
+        content_id,
+        front_length: index_start,
+        sections,
+    };
     out.write_all(&header.encode()).map_err(Error::Output)?;
     for body in &bodies {
         out.write_all(body).map_err(Error::Output)?;
     }
 
-    let [metadata_bytes, directory_bytes, charts_bytes, _, index_bytes, _] = bodies.map(|body| body.len() as u64);
+    let [
+        metadata_bytes,
+        directory_bytes,
+        charts_bytes,
+        _,
+        index_bytes,
+        _,
+    ] = bodies.map(|body| body.len() as u64);
     let [geometry, normals, colour] = directory.part_bytes;
     Ok(BytesByPart {
         total: end,
@@ -129,7 +180,11 @@ struct Front {
 impl Front {
     /// With the largest base resolution that fits, if any does.
     fn new(charts: &[ChartInput], coding: Coding, before_charts: u64) -> Result<Self, Error> {
-        let finest = charts.iter().map(|chart| chart.root.samples.resolution).max().unwrap_or(0);
+        let finest = charts
+            .iter()
+            .map(|chart| chart.root.samples.resolution)
+            .max()
+            .unwrap_or(0);
         for base_resolution in (1..=finest).rev() {
             let front = Self::at(charts, coding, base_resolution)?;
             if before_charts + (front.charts.len() + front.base.len()) as u64 <= FIRST_IMAGE_BYTES {
@@ -140,26 +195,46 @@ impl Front {
     }
 
     fn at(charts: &[ChartInput], coding: Coding, base_resolution: u8) -> Result<Self, Error> {
-        let (base, base_parts) =
-            encode_base(coding, charts.iter().map(|chart| &chart.root.samples), base_resolution)?;
+        let (base, base_parts) = encode_base(
+            coding,
+            charts.iter().map(|chart| &chart.root.samples),
+            base_resolution,
+        )?;
         let glue: Vec<_> = charts.iter().map(|chart| chart.glue).collect();
-        let resolutions: Vec<u8> = charts.iter().map(|chart| chart.root.samples.resolution).collect();
+        let resolutions: Vec<u8> = charts
+            .iter()
+            .map(|chart| chart.root.samples.resolution)
+            .collect();
         let errors = charts.iter().flat_map(|chart| {
             let count = usize::from(chart.root.samples.resolution.min(base_resolution)) + 1;
             chart.root.errors.iter().take(count)
         });
-        let errors = errors.map(|&error| coded(error)).collect::<Result<Vec<_>, Error>>()?;
+        let errors = errors
+            .map(|&error| coded(error))
+            .collect::<Result<Vec<_>, Error>>()?;
         let charts = encode_charts(&glue, &resolutions, &errors, base_resolution)?;
-        Ok(Self { base_resolution, charts, base, base_parts })
+        Ok(Self {
+            base_resolution,
+            charts,
+            base,
+            base_parts,
+        })
     }
 }
 
 fn coded(error: f32) -> Result<u16, Error> {
     let rule = "an error is a finite length, not below zero";
-    error_code(error).ok_or_else(|| Error::Input { rule, detail: error.to_string() })
+    error_code(error).ok_or_else(|| Error::Input {
+        rule,
+        detail: error.to_string(),
+    })
 }
 
-fn encode_pages(pages: &Pages<'_>, coding: Coding, base_resolution: u8) -> Result<Vec<Encoded>, Error> {
+fn encode_pages(
+    pages: &Pages<'_>,
+    coding: Coding,
+    base_resolution: u8,
+) -> Result<Vec<Encoded>, Error> {
     let indices: Vec<usize> = (0..pages.flat.len()).collect();
     let encode = |&index: &usize| -> Result<Encoded, Error> {
         let page = &pages.flat[index];
@@ -176,13 +251,22 @@ fn encode_pages(pages: &Pages<'_>, coding: Coding, base_resolution: u8) -> Resul
         let cosine = measured.map_or(widened, |measured| widened.min(measured - 1e-6));
         let facts = PageFacts {
             length: u32::try_from(bytes.len()).unwrap_or(u32::MAX),
-            errors: page.node.errors.iter().map(|&error| coded(error)).collect::<Result<_, _>>()?,
+            errors: page
+                .node
+                .errors
+                .iter()
+                .map(|&error| coded(error))
+                .collect::<Result<_, _>>()?,
             axis,
             cosine: cosine_code(cosine),
             bounds: BoundsCode::new(&pages.bounds[index]),
             has_children: page.node.children.is_some(),
         };
-        Ok(Encoded { bytes, parts, facts })
+        Ok(Encoded {
+            bytes,
+            parts,
+            facts,
+        })
     };
     map_ordered(&indices, encode).into_iter().collect()
 }
@@ -215,29 +299,54 @@ fn index(
         .chunks(BLOCK_PAGES as usize)
         .zip(facts)
         .map(|(pages, facts)| {
-            let checksums = pages.iter().flat_map(|page| (checksum(content_id, &page.bytes) as u32).to_le_bytes());
+            let checksums = pages
+                .iter()
+                .flat_map(|page| (checksum(content_id, &page.bytes) as u32).to_le_bytes());
             checksums.chain(facts.iter().copied()).collect()
         })
         .collect();
     let mut part_bytes = [0; 3];
-    for PartBytes { geometry, normals, colours } in pages.iter().map(|page| page.parts) {
+    for PartBytes {
+        geometry,
+        normals,
+        colours,
+    } in pages.iter().map(|page| page.parts)
+    {
         for (sum, part) in part_bytes.iter_mut().zip([geometry, normals, colours]) {
             *sum += part;
         }
     }
     let mut block_start = index_start;
-    let mut first_page_offset = index_start + blocks.iter().map(|block| block.len() as u64).sum::<u64>();
+    let mut first_page_offset =
+        index_start + blocks.iter().map(|block| block.len() as u64).sum::<u64>();
     let mut first_child = u32::try_from(chart_count).unwrap_or(u32::MAX);
     let mut records = Vec::new();
     for (block, pages) in blocks.iter().zip(pages.chunks(BLOCK_PAGES as usize)) {
         let range = block_start..block_start + block.len() as u64;
         block_start = range.end;
         let checksum = checksum(content_id, block);
-        records.push(BlockRecord { range, checksum, first_page_offset, first_child });
-        first_page_offset += pages.iter().map(|page| page.bytes.len() as u64).sum::<u64>();
-        first_child += 4 * pages.iter().map(|page| u32::from(page.facts.has_children)).sum::<u32>();
+        records.push(BlockRecord {
+            range,
+            checksum,
+            first_page_offset,
+            first_child,
+        });
+        first_page_offset += pages
+            .iter()
+            .map(|page| page.bytes.len() as u64)
+            .sum::<u64>();
+        first_child += 4 * pages
+            .iter()
+            .map(|page| u32::from(page.facts.has_children))
+            .sum::<u32>();
     }
     let page_count = u32::try_from(pages.len()).unwrap_or(u32::MAX);
-    (blocks.concat(), Directory { page_count, part_bytes, blocks: records })
+    (
+        blocks.concat(),
+        Directory {
+            page_count,
+            part_bytes,
+            blocks: records,
+        },
+    )
 }
-

@@ -3,6 +3,15 @@
 //! The files are in `tests/data/malformed`. `MARQUETRY_BLESS=1 cargo test -p marquetry-format --test malformed`
 //! writes them anew; the recipe of each is here.
 
+#![allow(
+    clippy::cast_possible_truncation,
+    clippy::cast_sign_loss,
+    clippy::float_cmp,
+    clippy::too_many_lines,
+    clippy::unwrap_used,
+    reason = "test data are small, borders are exact, and a failed unwrap fails the test"
+)]
+
 mod support;
 
 use marquetry_format::verify::verify;
@@ -23,7 +32,11 @@ fn small() -> Vec<u8> {
 fn square(bump: f64) -> Vec<u8> {
     let surface = |_: usize, u: f64, v: f64| {
         let v = if u == 1.0 && v > 0.5 { 1.0 - v } else { v };
-        ([u, v, 0.5 + bump * (40.0 * u).sin() * (50.0 * v).cos()], [0.0, 0.0, 1.0], [0; 3])
+        (
+            [u, v, 0.5 + bump * (40.0 * u).sin() * (50.0 * v).cos()],
+            [0.0, 0.0, 1.0],
+            [0; 3],
+        )
     };
     let model = Model {
         glue: vec![[None, glued(0, 1, true), None, None]],
@@ -69,8 +82,13 @@ fn with_block(file: &[u8], change: impl FnOnce(&mut Vec<u8>)) -> Vec<u8> {
 
 /// States in the directory where the pages are after other parts have changed their lengths.
 fn place_pages(parts: &mut Parts) {
-    let before: usize = parts.parts.iter().take_while(|part| part.kind != 6).map(|part| part.body.len()).sum();
-    let pages = (64 + 32 * parts.parts.len() + before) as u64;
+    let before: usize = parts
+        .sections
+        .iter()
+        .take_while(|part| part.kind != 6)
+        .map(|part| part.body.len())
+        .sum();
+    let pages = (64 + 32 * parts.sections.len() + before) as u64;
     parts.body(2)[32..40].copy_from_slice(&pages.to_le_bytes());
 }
 
@@ -81,8 +99,11 @@ fn with_facts(change: impl FnOnce(&mut Vec<u8>)) -> Vec<u8> {
         // 5 pages, 10 errors.
         let mut facts = match block[checksums] {
             1 => block[checksums + 1..].to_vec(),
-            2 => zstd::bulk::decompress(&[&[0x28, 0xb5, 0x2f, 0xfd], &block[checksums + 1..]].concat(), 1 + 95 + 20)
-                .unwrap(),
+            2 => zstd::bulk::decompress(
+                &[&[0x28, 0xb5, 0x2f, 0xfd], &block[checksums + 1..]].concat(),
+                1 + 95 + 20,
+            )
+            .unwrap(),
             method => panic!("method {method}"),
         };
         assert_eq!(facts.len(), 1 + 95 + 20);
@@ -104,48 +125,172 @@ fn framing() -> Vec<Case> {
     let mut version = tiny.clone();
     version[8] = 2;
     vec![
-        ("empty", Vec::new(), |e| matches!(e, Error::Truncated { what: "header", expected: 8, found: 0 })),
-        ("cut_in_header", tiny[..40].to_vec(), |e| matches!(e, Error::Truncated { what: "header", found: 40, .. })),
+        ("empty", Vec::new(), |e| {
+            matches!(
+                e,
+                Error::Truncated {
+                    what: "header",
+                    expected: 8,
+                    found: 0
+                }
+            )
+        }),
+        ("cut_in_header", tiny[..40].to_vec(), |e| {
+            matches!(
+                e,
+                Error::Truncated {
+                    what: "header",
+                    found: 40,
+                    ..
+                }
+            )
+        }),
         ("cut_in_section_table", tiny[..100].to_vec(), |e| {
-            matches!(e, Error::Truncated { what: "header", expected: 256, found: 100 })
+            matches!(
+                e,
+                Error::Truncated {
+                    what: "header",
+                    expected: 256,
+                    found: 100
+                }
+            )
         }),
-        ("cut_at_the_end", tiny[..tiny.len() - 1].to_vec(), |e| matches!(e, Error::Truncated { what: "file", .. })),
-        ("byte_after_the_end", long, |e| matches!(e, Error::TrailingBytes { what: "file", .. })),
-        ("text_mode_transfer", text_mode, |e| matches!(e, Error::NotMarq { .. })),
-        ("png", b"\x89PNG\r\n\x1a\n0123456789".to_vec(), |e| matches!(e, Error::NotMarq { .. })),
-        ("major_version_2", version, |e| matches!(e, Error::UnsupportedVersion { major: 2, minor: 0 })),
-        ("header_checksum", flipped, |e| matches!(e, Error::Checksum { what: "header", offset: 0, .. })),
-        ("header_flags", changed(&tiny, |parts| parts.flags = 4), |e| {
-            matches!(e, Error::Reserved { what: "header flags", value: 4 })
+        ("cut_at_the_end", tiny[..tiny.len() - 1].to_vec(), |e| {
+            matches!(e, Error::Truncated { what: "file", .. })
         }),
-        ("section_flags", changed(&tiny, |parts| parts.parts[2].flags = 3), |e| {
-            matches!(e, Error::Reserved { what: "section flags", value: 3 })
+        ("byte_after_the_end", long, |e| {
+            matches!(e, Error::TrailingBytes { what: "file", .. })
+        }),
+        ("text_mode_transfer", text_mode, |e| {
+            matches!(e, Error::NotMarq { .. })
+        }),
+        ("png", b"\x89PNG\r\n\x1a\n0123456789".to_vec(), |e| {
+            matches!(e, Error::NotMarq { .. })
+        }),
+        ("major_version_2", version, |e| {
+            matches!(e, Error::UnsupportedVersion { major: 2, minor: 0 })
+        }),
+        ("header_checksum", flipped, |e| {
+            matches!(
+                e,
+                Error::Checksum {
+                    what: "header",
+                    offset: 0,
+                    ..
+                }
+            )
         }),
         (
+            "header_flags",
+            changed(&tiny, |parts| parts.flags = 4),
+            |e| {
+                matches!(
+                    e,
+                    Error::Reserved {
+                        what: "header flags",
+                        value: 4
+                    }
+                )
+            },
+        ),
+        (
+            "section_flags",
+            changed(&tiny, |parts| parts.sections[2].flags = 3),
+            |e| {
+                matches!(
+                    e,
+                    Error::Reserved {
+                        what: "section flags",
+                        value: 3
+                    }
+                )
+            },
+        ),
+        (
             "unknown_section",
-            changed(&tiny, |parts| parts.parts.push(Part { kind: 99, flags: 1, body: vec![1] })),
+            changed(&tiny, |parts| {
+                parts.sections.push(Part {
+                    kind: 99,
+                    flags: 1,
+                    body: vec![1],
+                });
+            }),
             |e| matches!(e, Error::UnknownSection { index: 6, kind: 99 }),
         ),
         (
             "terrain_must_be_understood",
-            changed(&tiny, |parts| parts.parts.push(Part { kind: 16, flags: 1, body: vec![] })),
+            changed(&tiny, |parts| {
+                parts.sections.push(Part {
+                    kind: 16,
+                    flags: 1,
+                    body: vec![],
+                });
+            }),
             |e| matches!(e, Error::UnknownSection { index: 6, kind: 16 }),
         ),
-        ("no_pages_section", changed(&tiny, |parts| drop(parts.parts.remove(5))), |e| {
-            matches!(e, Error::MissingSection { kind: 6 })
-        }),
-        ("sections_out_of_order", changed(&tiny, |parts| parts.parts.swap(0, 1)), |e| {
-            matches!(e, Error::Section { index: 0, kind: 2, .. })
-        }),
-        ("section_twice", changed(&tiny, |parts| parts.parts.insert(1, parts.parts[0].clone())), |e| {
-            matches!(e, Error::Section { index: 1, kind: 1, .. })
-        }),
-        ("gap_between_sections", Parts::of(&tiny).file_with(|table| table[32 + 8] += 1), |e| {
-            matches!(e, Error::Section { index: 1, kind: 2, .. })
-        }),
-        ("section_beyond_any_file", Parts::of(&tiny).file_with(|table| table[5 * 32 + 16..][..8].fill(0xff)), |e| {
-            matches!(e, Error::Section { index: 5, kind: 6, .. })
-        }),
+        (
+            "no_pages_section",
+            changed(&tiny, |parts| drop(parts.sections.remove(5))),
+            |e| matches!(e, Error::MissingSection { kind: 6 }),
+        ),
+        (
+            "sections_out_of_order",
+            changed(&tiny, |parts| parts.sections.swap(0, 1)),
+            |e| {
+                matches!(
+                    e,
+                    Error::Section {
+                        index: 0,
+                        kind: 2,
+                        ..
+                    }
+                )
+            },
+        ),
+        (
+            "section_twice",
+            changed(&tiny, |parts| {
+                parts.sections.insert(1, parts.sections[0].clone());
+            }),
+            |e| {
+                matches!(
+                    e,
+                    Error::Section {
+                        index: 1,
+                        kind: 1,
+                        ..
+                    }
+                )
+            },
+        ),
+        (
+            "gap_between_sections",
+            Parts::of(&tiny).file_with(|table| table[32 + 8] += 1),
+            |e| {
+                matches!(
+                    e,
+                    Error::Section {
+                        index: 1,
+                        kind: 2,
+                        ..
+                    }
+                )
+            },
+        ),
+        (
+            "section_beyond_any_file",
+            Parts::of(&tiny).file_with(|table| table[5 * 32 + 16..][..8].fill(0xff)),
+            |e| {
+                matches!(
+                    e,
+                    Error::Section {
+                        index: 5,
+                        kind: 6,
+                        ..
+                    }
+                )
+            },
+        ),
         (
             "section_checksum",
             Parts::of(&tiny).file_with(|table| table[2 * 32 + 24] ^= 1),
@@ -154,9 +299,25 @@ fn framing() -> Vec<Case> {
         (
             "too_many_sections",
             changed(&tiny, |parts| {
-                parts.parts.extend(vec![Part { kind: 21, flags: 0, body: vec![] }; 60]);
+                parts.sections.extend(vec![
+                    Part {
+                        kind: 21,
+                        flags: 0,
+                        body: vec![]
+                    };
+                    60
+                ]);
             }),
-            |e| matches!(e, Error::Limit { what: "sections", limit: 64, found: 66 }),
+            |e| {
+                matches!(
+                    e,
+                    Error::Limit {
+                        what: "sections",
+                        limit: 64,
+                        found: 66
+                    }
+                )
+            },
         ),
     ]
 }
@@ -176,55 +337,172 @@ fn front() -> Vec<Case> {
     let charts = |change: &dyn Fn(&mut Vec<u8>)| with(tiny, 3, change);
     let base = |change: &dyn Fn(&mut Vec<u8>)| with(tiny, 4, change);
     vec![
-        ("metadata_kind", metadata(&|m| m[0] = 7), |e| matches!(e, Error::Metadata(_))),
-        ("metadata_step_zero", metadata(&|m| m[25..33].fill(0)), |e| matches!(e, Error::Metadata(_))),
-        ("metadata_shift_16", metadata(&|m| m[33] = 16), |e| matches!(e, Error::Metadata(_))),
-        ("metadata_name_without_end", metadata(&|m| m.truncate(m.len() - 3)), |e| matches!(e, Error::Metadata(_))),
-        ("metadata_trailing_byte", metadata(&|m| m.push(0)), |e| {
-            matches!(e, Error::TrailingBytes { what: "metadata", .. })
+        ("metadata_kind", metadata(&|m| m[0] = 7), |e| {
+            matches!(e, Error::Metadata(_))
         }),
-        ("no_charts", charts(&|c| c[..4].fill(0)), |e| matches!(e, Error::Value { what: "number of charts", .. })),
+        (
+            "metadata_step_zero",
+            metadata(&|m| m[25..33].fill(0)),
+            |e| matches!(e, Error::Metadata(_)),
+        ),
+        ("metadata_shift_16", metadata(&|m| m[33] = 16), |e| {
+            matches!(e, Error::Metadata(_))
+        }),
+        (
+            "metadata_name_without_end",
+            metadata(&|m| m.truncate(m.len() - 3)),
+            |e| matches!(e, Error::Metadata(_)),
+        ),
+        ("metadata_trailing_byte", metadata(&|m| m.push(0)), |e| {
+            matches!(
+                e,
+                Error::TrailingBytes {
+                    what: "metadata",
+                    ..
+                }
+            )
+        }),
+        ("no_charts", charts(&|c| c[..4].fill(0)), |e| {
+            matches!(
+                e,
+                Error::Value {
+                    what: "number of charts",
+                    ..
+                }
+            )
+        }),
         ("too_many_charts", charts(&|c| c[..4].fill(0xff)), |e| {
-            matches!(e, Error::Limit { what: "charts", found: 0xffff_ffff, .. })
+            matches!(
+                e,
+                Error::Limit {
+                    what: "charts",
+                    found: 0xffff_ffff,
+                    ..
+                }
+            )
         }),
         ("base_resolution_6", charts(&|c| c[4] = 6), |e| {
-            matches!(e, Error::Value { what: "base resolution", found: 6 })
+            matches!(
+                e,
+                Error::Value {
+                    what: "base resolution",
+                    found: 6
+                }
+            )
         }),
-        ("charts_reserved", charts(&|c| c[6] = 1), |e| matches!(e, Error::Reserved { what: "charts", .. })),
-        (
-            "charts_other_count",
-            charts(&|c| c[0] = 1),
-            |e| matches!(e, Error::Mismatch { what: "charts", .. } | Error::TrailingBytes { what: "charts", .. }),
-        ),
+        ("charts_reserved", charts(&|c| c[6] = 1), |e| {
+            matches!(e, Error::Reserved { what: "charts", .. })
+        }),
+        ("charts_other_count", charts(&|c| c[0] = 1), |e| {
+            matches!(
+                e,
+                Error::Mismatch { what: "charts", .. }
+                    | Error::TrailingBytes { what: "charts", .. }
+            )
+        }),
         ("page_count_not_of_trees", directory(&|d| d[0] += 1), |e| {
-            matches!(e, Error::Value { what: "number of pages", found: 6 })
+            matches!(
+                e,
+                Error::Value {
+                    what: "number of pages",
+                    found: 6
+                }
+            )
         }),
-        ("too_many_pages", directory(&|d| d[..4].copy_from_slice(&[0xfd, 0xff, 0xff, 0xff])), |e| {
-            matches!(e, Error::Limit { what: "pages", .. })
-        }),
+        (
+            "too_many_pages",
+            directory(&|d| d[..4].copy_from_slice(&[0xfd, 0xff, 0xff, 0xff])),
+            |e| matches!(e, Error::Limit { what: "pages", .. }),
+        ),
         ("index_block_missing", directory(&|d| d[4] = 0), |e| {
-            matches!(e, Error::Mismatch { what: "index blocks", expected: 1, found: 0 })
+            matches!(
+                e,
+                Error::Mismatch {
+                    what: "index blocks",
+                    expected: 1,
+                    found: 0
+                }
+            )
         }),
         ("directory_trailing_byte", directory(&|d| d.push(0)), |e| {
-            matches!(e, Error::TrailingBytes { what: "directory", .. })
+            matches!(
+                e,
+                Error::TrailingBytes {
+                    what: "directory",
+                    ..
+                }
+            )
         }),
         ("part_bytes_do_not_add_up", directory(&|d| d[8] ^= 1), |e| {
-            matches!(e, Error::Mismatch { what: "bytes of all pages", .. })
+            matches!(
+                e,
+                Error::Mismatch {
+                    what: "bytes of all pages",
+                    ..
+                }
+            )
         }),
-        ("first_child_of_the_wrong_block", directory(&|d| d[52] += 4), |e| {
-            matches!(e, Error::Value { what: "first child of an index block", found: 5 })
-        }),
+        (
+            "first_child_of_the_wrong_block",
+            directory(&|d| d[52] += 4),
+            |e| {
+                matches!(
+                    e,
+                    Error::Value {
+                        what: "first child of an index block",
+                        found: 5
+                    }
+                )
+            },
+        ),
         ("index_block_too_long", directory(&|d| d[48] ^= 1), |e| {
-            matches!(e, Error::Mismatch { what: "end of the index blocks", .. })
+            matches!(
+                e,
+                Error::Mismatch {
+                    what: "end of the index blocks",
+                    ..
+                }
+            )
         }),
         ("base_trailing_byte", base(&|b| b.push(0)), |e| {
-            matches!(e, Error::TrailingBytes { what: "base", .. } | Error::Compression { what: "base", .. })
+            matches!(
+                e,
+                Error::TrailingBytes { what: "base", .. } | Error::Compression { what: "base", .. }
+            )
         }),
-        ("base_cut_short", base(&|b| b.truncate(b.len() - 1)), |e| matches!(e, Error::Truncated { what: "base", .. })),
-        ("base_method_3", base(&|b| b[0] |= 3), |e| matches!(e, Error::Value { what: "base", found: 3 })),
-        ("base_with_4_planes", base(&|b| b[1] |= 3), |e| matches!(e, Error::Value { what: "base", found: 4 })),
-        ("base_prediction_3", base(&|b| b[1] |= 12), |e| matches!(e, Error::Value { what: "base", found: 3 })),
-        ("base_reserved_bits", base(&|b| b[1] |= 16), |e| matches!(e, Error::Reserved { what: "base", .. })),
+        ("base_cut_short", base(&|b| b.truncate(b.len() - 1)), |e| {
+            matches!(e, Error::Truncated { what: "base", .. })
+        }),
+        ("base_method_3", base(&|b| b[0] |= 3), |e| {
+            matches!(
+                e,
+                Error::Value {
+                    what: "base",
+                    found: 3
+                }
+            )
+        }),
+        ("base_with_4_planes", base(&|b| b[1] |= 3), |e| {
+            matches!(
+                e,
+                Error::Value {
+                    what: "base",
+                    found: 4
+                }
+            )
+        }),
+        ("base_prediction_3", base(&|b| b[1] |= 0b1100), |e| {
+            matches!(
+                e,
+                Error::Value {
+                    what: "base",
+                    found: 3
+                }
+            )
+        }),
+        ("base_reserved_bits", base(&|b| b[1] |= 0b1_0000), |e| {
+            matches!(e, Error::Reserved { what: "base", .. })
+        }),
         (
             "base_outside_the_lattice",
             // All raw: 50 samples, the first x far below zero.
@@ -238,13 +516,31 @@ fn front() -> Vec<Case> {
         (
             "base_window_of_16_mib",
             base(&|b| *b = vec![2, 0, 7, 0, 0x40, 14 << 3, 0xff, 0xff, 1, 0, 0]),
-            |e| matches!(e, Error::Limit { what: "zstd window", found: 0x0100_0000, .. }),
+            |e| {
+                matches!(
+                    e,
+                    Error::Limit {
+                        what: "zstd window",
+                        found: 0x0100_0000,
+                        ..
+                    }
+                )
+            },
         ),
         (
             "base_frame_of_another_size",
             // One segment of 65 535 + 256 bytes in place of 150.
             base(&|b| *b = vec![2, 0, 7, 0, 0x60, 0xff, 0xff, 0xfb, 0xff, 0x07, 0]),
-            |e| matches!(e, Error::Mismatch { what: "base", expected: 150, found: 65_791 }),
+            |e| {
+                matches!(
+                    e,
+                    Error::Mismatch {
+                        what: "base",
+                        expected: 150,
+                        found: 65_791
+                    }
+                )
+            },
         ),
     ]
 }
@@ -260,41 +556,149 @@ fn index() -> Vec<Case> {
                 parts.body(5)[0] ^= 1;
                 parts.file()
             },
-            |e| matches!(e, Error::Checksum { what: "index block", .. }),
+            |e| {
+                matches!(
+                    e,
+                    Error::Checksum {
+                        what: "index block",
+                        ..
+                    }
+                )
+            },
         ),
-        ("index_block_cut_short", with_block(&small, |block| block.truncate(18)), |e| {
-            matches!(e, Error::Truncated { what: "index block", expected: 20, found: 18 })
-        }),
-        ("index_facts_cut_short", with_facts(|facts| facts.truncate(90)), |e| {
-            matches!(e, Error::Truncated { what: "index block", expected: 116, found: 90 })
-        }),
-        ("children_bits_reserved", with_facts(|facts| facts[0] |= 0x80), |e| {
-            matches!(e, Error::Reserved { what: "index block", .. })
-        }),
+        (
+            "index_block_cut_short",
+            with_block(&small, |block| block.truncate(18)),
+            |e| {
+                matches!(
+                    e,
+                    Error::Truncated {
+                        what: "index block",
+                        expected: 20,
+                        found: 18
+                    }
+                )
+            },
+        ),
+        (
+            "index_facts_cut_short",
+            with_facts(|facts| facts.truncate(90)),
+            |e| {
+                matches!(
+                    e,
+                    Error::Truncated {
+                        what: "index block",
+                        expected: 116,
+                        found: 90
+                    }
+                )
+            },
+        ),
+        (
+            "children_bits_reserved",
+            with_facts(|facts| facts[0] |= 0x80),
+            |e| {
+                matches!(
+                    e,
+                    Error::Reserved {
+                        what: "index block",
+                        ..
+                    }
+                )
+            },
+        ),
         // Page 4 with children 1..5 would be its own ancestor.
-        ("page_is_its_own_ancestor", with_facts(|facts| facts[0] = 0x10), |e| {
-            matches!(e, Error::Value { what: "page with children", found: 4 })
-        }),
-        ("children_left_over", with_facts(|facts| facts[0] = 0), |e| {
-            matches!(e, Error::Mismatch { what: "end of a block's children", .. })
-        }),
-        ("page_lengths_do_not_add_up", with_facts(|facts| facts[1] ^= 1), |e| {
-            matches!(e, Error::Mismatch { what: "end of a block's pages", .. })
-        }),
-        ("page_too_long", with_facts(|facts| facts[1 + 10] = 0xff), |e| {
-            matches!(e, Error::Limit { what: "bytes of a page", .. })
-        }),
-        ("bounds_shift_21", with_facts(|facts| facts[1 + 15 + 20 + 15] = 21), |e| {
-            matches!(e, Error::Value { what: "bounds of a page", .. })
-        }),
-        ("bounds_below_zero", with_facts(|facts| facts[1 + 15 + 20 + 15 + 5] = 1), |e| {
-            matches!(e, Error::Value { what: "bounds of a page", .. })
-        }),
+        (
+            "page_is_its_own_ancestor",
+            with_facts(|facts| facts[0] = 0x10),
+            |e| {
+                matches!(
+                    e,
+                    Error::Value {
+                        what: "page with children",
+                        found: 4
+                    }
+                )
+            },
+        ),
+        (
+            "children_left_over",
+            with_facts(|facts| facts[0] = 0),
+            |e| {
+                matches!(
+                    e,
+                    Error::Mismatch {
+                        what: "end of a block's children",
+                        ..
+                    }
+                )
+            },
+        ),
+        (
+            "page_lengths_do_not_add_up",
+            with_facts(|facts| facts[1] ^= 1),
+            |e| {
+                matches!(
+                    e,
+                    Error::Mismatch {
+                        what: "end of a block's pages",
+                        ..
+                    }
+                )
+            },
+        ),
+        (
+            "page_too_long",
+            with_facts(|facts| facts[1 + 10] = 0xff),
+            |e| {
+                matches!(
+                    e,
+                    Error::Limit {
+                        what: "bytes of a page",
+                        ..
+                    }
+                )
+            },
+        ),
+        (
+            "bounds_shift_21",
+            with_facts(|facts| facts[1 + 15 + 20 + 15] = 21),
+            |e| {
+                matches!(
+                    e,
+                    Error::Value {
+                        what: "bounds of a page",
+                        ..
+                    }
+                )
+            },
+        ),
+        (
+            "bounds_below_zero",
+            with_facts(|facts| facts[1 + 15 + 20 + 15 + 5] = 1),
+            |e| {
+                matches!(
+                    e,
+                    Error::Value {
+                        what: "bounds of a page",
+                        ..
+                    }
+                )
+            },
+        ),
     ]
 }
 
 fn data(name: &str) -> PathBuf {
-    [env!("CARGO_MANIFEST_DIR"), "tests", "data", "malformed", &format!("{name}.marq")].iter().collect()
+    [
+        env!("CARGO_MANIFEST_DIR"),
+        "tests",
+        "data",
+        "malformed",
+        &format!("{name}.marq"),
+    ]
+    .iter()
+    .collect()
 }
 
 fn open_fully(bytes: &[u8]) -> Result<Document, Error> {
@@ -305,7 +709,10 @@ fn open_fully(bytes: &[u8]) -> Result<Document, Error> {
 
 #[test]
 fn every_malformed_file_is_refused_for_its_fault() {
-    let cases: Vec<Case> = [framing(), front(), index()].into_iter().flatten().collect();
+    let cases: Vec<Case> = [framing(), front(), index()]
+        .into_iter()
+        .flatten()
+        .collect();
     if std::env::var_os("MARQUETRY_BLESS").is_some() {
         std::fs::create_dir_all(data("x").parent().unwrap()).unwrap();
         for (name, bytes, _) in &cases {
@@ -319,13 +726,20 @@ fn every_malformed_file_is_refused_for_its_fault() {
             Ok(_) => panic!("{name} was opened"),
         }
         let verified = verify(&SliceSource(&bytes));
-        assert!(verified.is_err() || !verified.unwrap().ok, "{name} verifies");
+        assert!(
+            verified.is_err() || !verified.unwrap().ok,
+            "{name} verifies"
+        );
     }
 }
 
 #[test]
 fn every_malformed_file_has_a_case() {
-    let known: Vec<&str> = [framing(), front(), index()].concat().iter().map(|case| case.0).collect();
+    let known: Vec<&str> = [framing(), front(), index()]
+        .concat()
+        .iter()
+        .map(|case| case.0)
+        .collect();
     for entry in std::fs::read_dir(data("x").parent().unwrap()).unwrap() {
         let path = entry.unwrap().path();
         let name = path.file_stem().unwrap().to_str().unwrap();
@@ -340,7 +754,12 @@ fn every_flipped_bit_is_noticed() {
     for bit in 0..8 * file.len() {
         file[bit / 8] ^= 1 << (bit % 8);
         if let Ok(report) = verify(&SliceSource(&file)) {
-            assert!(!report.ok, "bit {} of byte {} went unnoticed", bit % 8, bit / 8);
+            assert!(
+                !report.ok,
+                "bit {} of byte {} went unnoticed",
+                bit % 8,
+                bit / 8
+            );
         }
         file[bit / 8] ^= 1 << (bit % 8);
     }
@@ -366,10 +785,16 @@ fn every_cut_is_noticed() {
         let step = 1 + file.len() / 2000;
         for length in (0..file.len()).step_by(step) {
             let cut = verify(&SliceSource(&file[..length]));
-            assert!(matches!(cut, Err(Error::Truncated { .. })), "cut at {length}: {cut:?}");
+            assert!(
+                matches!(cut, Err(Error::Truncated { .. })),
+                "cut at {length}: {cut:?}"
+            );
             // An async caller sees a short answer in place of a short source.
             let (opening, _) = Opening::new(Limits::default());
-            assert!(matches!(opening.feed(&file[..length]), Err(Error::Truncated { .. })));
+            assert!(matches!(
+                opening.feed(&file[..length]),
+                Err(Error::Truncated { .. })
+            ));
         }
     }
 }
@@ -377,8 +802,19 @@ fn every_cut_is_noticed() {
 #[test]
 fn ignorable_sections_are_skipped_but_checked() {
     let file = changed(&tiny(), |parts| {
-        parts.parts.push(Part { kind: 21, flags: 0, body: b"preview".to_vec() });
-        parts.parts.insert(3, Part { kind: 4000, flags: 0, body: b"in the front".to_vec() });
+        parts.sections.push(Part {
+            kind: 21,
+            flags: 0,
+            body: b"preview".to_vec(),
+        });
+        parts.sections.insert(
+            3,
+            Part {
+                kind: 4000,
+                flags: 0,
+                body: b"in the front".to_vec(),
+            },
+        );
         place_pages(parts);
     });
     assert!(verify(&SliceSource(&file)).unwrap().ok);
@@ -393,21 +829,55 @@ fn decoding_checks_what_it_is_given() {
     let source = SliceSource(&file);
     let document = open(&file);
     let pages = decode_all(&document, &source);
-    let bytes = |page| source.read(document.page_range(PageId(page)).unwrap()).unwrap();
+    let bytes = |page| {
+        source
+            .read(document.page_range(PageId(page)).unwrap())
+            .unwrap()
+    };
     let decode = |page, quadrant, parent: &PageSamples, bytes: &[u8]| {
-        document.decode_child(PageId(page), Quadrant(quadrant), parent, bytes).unwrap_err()
+        document
+            .decode_child(PageId(page), Quadrant(quadrant), parent, bytes)
+            .unwrap_err()
     };
     let mut damaged = bytes(2);
     damaged[0] ^= 4;
-    assert!(matches!(decode(2, 1, &pages[0], &damaged), Error::Checksum { what: "page", .. }));
-    assert!(matches!(decode(2, 1, &pages[0], &damaged[1..]), Error::Truncated { what: "page", .. }));
-    assert!(matches!(decode(2, 0, &pages[0], &bytes(2)), Error::Mismatch { expected: 1, found: 0, .. }));
-    assert!(matches!(decode(99, 0, &pages[0], &bytes(2)), Error::NoSuch { what: "page", number: 99 }));
+    assert!(matches!(
+        decode(2, 1, &pages[0], &damaged),
+        Error::Checksum { what: "page", .. }
+    ));
+    assert!(matches!(
+        decode(2, 1, &pages[0], &damaged[1..]),
+        Error::Truncated { what: "page", .. }
+    ));
+    assert!(matches!(
+        decode(2, 0, &pages[0], &bytes(2)),
+        Error::Mismatch {
+            expected: 1,
+            found: 0,
+            ..
+        }
+    ));
+    assert!(matches!(
+        decode(99, 0, &pages[0], &bytes(2)),
+        Error::NoSuch {
+            what: "page",
+            number: 99
+        }
+    ));
     assert!(matches!(
         decode(2, 1, &PageSamples::default(), &bytes(2)),
-        Error::WrongParent { page: 2, resolution: 0 }
+        Error::WrongParent {
+            page: 2,
+            resolution: 0
+        }
     ));
-    assert!(matches!(document.decode_root(ChartId(1), &[]), Err(Error::NoSuch { what: "chart", number: 1 })));
+    assert!(matches!(
+        document.decode_root(ChartId(1), &[]),
+        Err(Error::NoSuch {
+            what: "chart",
+            number: 1
+        })
+    ));
     let unloaded = Document::open(&source, Limits::default()).unwrap();
     assert!(matches!(
         unloaded.decode_child(PageId(2), Quadrant(1), &pages[0], &bytes(2)),
@@ -420,13 +890,49 @@ fn limits_are_kept() {
     let file = small();
     let refused = |limits| Document::open(&SliceSource(&file), limits).unwrap_err();
     let limits = Limits::default();
-    assert!(matches!(refused(Limits { charts: 0, ..limits }), Error::Limit { what: "charts", .. }));
-    assert!(matches!(refused(Limits { pages: 4, ..limits }), Error::Limit { what: "pages", found: 5, .. }));
-    assert!(matches!(refused(Limits { metadata_bytes: 10, ..limits }), Error::Limit { limit: 10, .. }));
-    assert!(matches!(refused(Limits { section_bytes: 100, ..limits }), Error::Limit { limit: 100, .. }));
-    let mut document = Document::open(&SliceSource(&file), Limits { page_bytes: 3, ..limits }).unwrap();
+    assert!(matches!(
+        refused(Limits {
+            charts: 0,
+            ..limits
+        }),
+        Error::Limit { what: "charts", .. }
+    ));
+    assert!(matches!(
+        refused(Limits { pages: 4, ..limits }),
+        Error::Limit {
+            what: "pages",
+            found: 5,
+            ..
+        }
+    ));
+    assert!(matches!(
+        refused(Limits {
+            metadata_bytes: 10,
+            ..limits
+        }),
+        Error::Limit { limit: 10, .. }
+    ));
+    assert!(matches!(
+        refused(Limits {
+            section_bytes: 100,
+            ..limits
+        }),
+        Error::Limit { limit: 100, .. }
+    ));
+    let mut document = Document::open(
+        &SliceSource(&file),
+        Limits {
+            page_bytes: 3,
+            ..limits
+        },
+    )
+    .unwrap();
     assert!(matches!(
         document.load_index(&SliceSource(&file)),
-        Err(Error::Limit { what: "bytes of a page", limit: 3, .. })
+        Err(Error::Limit {
+            what: "bytes of a page",
+            limit: 3,
+            ..
+        })
     ));
 }

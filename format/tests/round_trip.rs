@@ -1,5 +1,14 @@
 //! What is written is what is read, for every kind of glue.
 
+#![allow(
+    clippy::cast_possible_truncation,
+    clippy::cast_sign_loss,
+    clippy::float_cmp,
+    clippy::too_many_lines,
+    clippy::unwrap_used,
+    reason = "test data are small, borders are exact, and a failed unwrap fails the test"
+)]
+
 mod support;
 
 use marquetry_format::verify::verify;
@@ -25,8 +34,13 @@ fn check(model: &Model<'_>) -> Vec<u8> {
     let report = verify(&SliceSource(&bytes)).unwrap();
     for check in &report.checks {
         assert!(check.ok, "{}: {:#?}", check.name, check.failures);
-        let between_nodes = ["glue both ways", "shared borders bit-equal", "balance across borders"];
-        let needed = model.glue.iter().flatten().any(Option::is_some) || !between_nodes.contains(&&*check.name);
+        let between_nodes = [
+            "glue both ways",
+            "shared borders bit-equal",
+            "balance across borders",
+        ];
+        let needed = model.glue.iter().flatten().any(Option::is_some)
+            || !between_nodes.contains(&&*check.name);
         assert!(check.count > 0 || !needed, "{} checked nothing", check.name);
     }
     assert!(report.ok);
@@ -58,14 +72,23 @@ fn check(model: &Model<'_>) -> Vec<u8> {
         assert_eq!(given.root.samples.resolution, read.resolution);
         let root = &document.page(PageId(chart as u32)).unwrap().errors;
         assert!(root.starts_with(&read.base_errors));
-        assert_eq!(read.base_errors.len(), usize::from(read.resolution.min(document.base_resolution)) + 1);
+        assert_eq!(
+            read.base_errors.len(),
+            usize::from(read.resolution.min(document.base_resolution)) + 1
+        );
         let base = &document.base[chart];
         let step = 1 << (read.resolution - base.resolution);
         for j in 0..base.side() {
             for i in 0..base.side() {
                 let fine = j * step * given.root.samples.side() + i * step;
-                assert_eq!(base.positions[j * base.side() + i], given.root.samples.positions[fine]);
-                assert_eq!(base.normals[j * base.side() + i], given.root.samples.normals[fine]);
+                assert_eq!(
+                    base.positions[j * base.side() + i],
+                    given.root.samples.positions[fine]
+                );
+                assert_eq!(
+                    base.normals[j * base.side() + i],
+                    given.root.samples.normals[fine]
+                );
             }
         }
     }
@@ -77,7 +100,8 @@ fn check(model: &Model<'_>) -> Vec<u8> {
 #[test]
 fn cube_sphere_at_mixed_levels_survives() {
     // Chart 0 two levels deep, its neighbours one, chart 2 across from it none.
-    let split = |node: NodeId| node.level == 0 && node.chart.0 != 2 || node.level == 1 && node.chart.0 == 0;
+    let split =
+        |node: NodeId| node.level == 0 && node.chart.0 != 2 || node.level == 1 && node.chart.0 == 0;
     for (shift, has_colours) in [(0, false), (5, true)] {
         let model = Model {
             glue: cube_glue(),
@@ -95,7 +119,11 @@ fn cube_sphere_at_mixed_levels_survives() {
 fn cube_glue_uses_many_pairs_of_sides() {
     let mut pairs: Vec<(u8, u8)> = Vec::new();
     for glue in cube_glue() {
-        pairs.extend((0u8..).zip(glue).map(|(side, glue)| (side, glue.unwrap().side.0)));
+        pairs.extend(
+            (0u8..)
+                .zip(glue)
+                .map(|(side, glue)| (side, glue.unwrap().side.0)),
+        );
     }
     pairs.sort_unstable();
     pairs.dedup();
@@ -114,7 +142,11 @@ fn roots_may_stop_at_different_resolutions() {
     };
     check(&model);
     for resolution in 0..=5 {
-        check(&Model { resolution: &|_| resolution, glue: cube_glue(), ..model });
+        check(&Model {
+            resolution: &|_| resolution,
+            glue: cube_glue(),
+            ..model
+        });
     }
 }
 
@@ -184,10 +216,20 @@ fn front_fits_the_first_image() {
     let rough = |chart: usize, u: f64, v: f64| {
         let z = 0.5 + 0.4 * (311.0 * u + chart as f64).sin() * (277.0 * v).cos();
         let (x, y) = ((chart % 25) as f64, (chart / 25) as f64);
-        ([(x + u) / 25.0, (y + v) / 25.0, z], [u as f32, v as f32, 1.0], [0; 3])
+        (
+            [(x + u) / 25.0, (y + v) / 25.0, z],
+            [u as f32, v as f32, 1.0],
+            [0; 3],
+        )
     };
-    let model =
-        Model { glue, surface: &rough, resolution: &|_| 5, split: &never, shift: 5, has_colours: false };
+    let model = Model {
+        glue,
+        surface: &rough,
+        resolution: &|_| 5,
+        split: &never,
+        shift: 5,
+        has_colours: false,
+    };
     let bytes = model.write().unwrap();
     let document = open(&bytes);
     assert!((1..5).contains(&document.base_resolution));
@@ -201,7 +243,9 @@ fn front_fits_the_first_image() {
     };
     assert_eq!(range, 65_536..document.front_bytes());
     let rest = &bytes[65_536..document.front_bytes() as usize];
-    let Step::Done(opened) = opening.feed(rest).unwrap() else { panic!("a third read was asked for") };
+    let Step::Done(opened) = opening.feed(rest).unwrap() else {
+        panic!("a third read was asked for")
+    };
     assert_eq!(opened.base, document.base);
 }
 
@@ -217,7 +261,10 @@ fn same_bytes_for_any_thread_count() {
     };
     let (metadata, lattice, charts) = (model.metadata(), model.lattice(), model.charts());
     let on = |threads| {
-        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+        let pool = rayon::ThreadPoolBuilder::new()
+            .num_threads(threads)
+            .build()
+            .unwrap();
         pool.install(|| {
             let mut out = Vec::new();
             write_atlas(&metadata, &lattice, &charts, &mut out).unwrap();
@@ -240,7 +287,10 @@ fn smooth_pages_are_small() {
     let document = open(&bytes);
     let samples = 800.0 * f64::from(document.page_count());
     let parts = document.bytes_by_part();
-    let (geometry, normals) = (parts.geometry as f64 / samples, parts.normals as f64 / samples);
+    let (geometry, normals) = (
+        parts.geometry as f64 / samples,
+        parts.normals as f64 / samples,
+    );
     println!("{geometry:.3} bytes of geometry and {normals:.3} of normals a new sample");
     assert!(geometry < 1.5 && normals < 1.5, "{geometry} and {normals}");
 }
@@ -269,8 +319,14 @@ fn refused(damage: impl FnOnce(&mut Vec<ChartInput>)) -> &'static str {
 
 #[test]
 fn writer_refuses_broken_input() {
-    assert_eq!(refused(Vec::clear), "a file has at least one chart and not too many");
-    assert_eq!(refused(|c| c[1].glue[0] = glued(9, 0, true)), "glue names a side of a chart of the file");
+    assert_eq!(
+        refused(Vec::clear),
+        "a file has at least one chart and not too many"
+    );
+    assert_eq!(
+        refused(|c| c[1].glue[0] = glued(9, 0, true)),
+        "glue names a side of a chart of the file"
+    );
     assert_eq!(refused(|c| c[1].glue[2] = None), "glue goes both ways");
     assert_eq!(
         refused(|c| c[1].root.samples.positions[40][0] |= 1),
@@ -300,7 +356,10 @@ fn writer_refuses_broken_input() {
         refused(|c| c[0].root.children.as_mut().unwrap()[1].errors[0] = 1e9),
         "errors never grow on the way down"
     );
-    assert_eq!(refused(|c| c[3].root.errors[2] = 1e9), "errors never grow on the way down");
+    assert_eq!(
+        refused(|c| c[3].root.errors[2] = 1e9),
+        "errors never grow on the way down"
+    );
     assert_eq!(
         refused(|c| c[3].root.errors[5] = f32::NAN),
         "an error is a finite length, not below zero"
@@ -335,7 +394,11 @@ fn writer_refuses_unbalanced_trees() {
     };
     assert_eq!(refused(&model), "the trees are balanced across borders");
     let split = |node: NodeId| node.chart.0 == 4 && node.level < 2;
-    let model = Model { resolution: &|_| 5, split: &split, ..model };
+    let model = Model {
+        resolution: &|_| 5,
+        split: &split,
+        ..model
+    };
     assert_eq!(refused(&model), "the trees are balanced across borders");
 }
 

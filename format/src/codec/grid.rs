@@ -5,6 +5,11 @@
 //! Meshes", 2000. Every rule reads the same from both ends of a line, and a sample on the border of the grid
 //! is predicted from that border alone.
 
+#![allow(
+    clippy::arithmetic_side_effects,
+    reason = "a side is at most 2^5 + 1 samples, a lifted component below 2^22 and the weights of a sum at most 40"
+)]
+
 use super::sample::Sample;
 
 /// Samples of a square, row by row; `side` = 2^r + 1.
@@ -34,7 +39,9 @@ pub(crate) fn count_of(resolution: u8) -> usize {
 /// The odd samples of a grid in coding order: odd along u only, odd along v only, odd along both; each row by row.
 pub(crate) fn odd_samples(side: usize) -> impl Iterator<Item = Odd> {
     let rows = move |first_i: usize, first_j: usize| {
-        (first_j..side).step_by(2).flat_map(move |j| (first_i..side).step_by(2).map(move |i| Odd { i, j }))
+        (first_j..side)
+            .step_by(2)
+            .flat_map(move |j| (first_i..side).step_by(2).map(move |i| Odd { i, j }))
     };
     rows(1, 0).chain(rows(0, 1)).chain(rows(1, 1))
 }
@@ -52,7 +59,10 @@ impl<T: Sample> Grid<T> {
 
     pub(crate) fn get(&self, i: usize, j: usize) -> T {
         debug_assert!(i < self.side && j < self.side);
-        self.samples.get(j * self.side + i).copied().unwrap_or_default()
+        self.samples
+            .get(j * self.side + i)
+            .copied()
+            .unwrap_or_default()
     }
 
     pub(crate) fn set(&mut self, i: usize, j: usize, value: T) {
@@ -76,13 +86,19 @@ impl<T: Sample> Grid<T> {
 
     /// Every `2^steps`-th sample: the same surface, `steps` resolutions coarser.
     pub(crate) fn coarser(&self, steps: u32) -> Self {
-        Self::from_fn(((self.side - 1) >> steps) + 1, |i, j| self.get(i << steps, j << steps))
+        Self::from_fn(((self.side - 1) >> steps) + 1, |i, j| {
+            self.get(i << steps, j << steps)
+        })
     }
 
     /// One resolution finer; odd samples are yet to be set.
     pub(crate) fn finer(&self) -> Self {
         Self::from_fn(2 * self.side - 1, |i, j| {
-            if i % 2 == 0 && j % 2 == 0 { self.get(i / 2, j / 2) } else { T::default() }
+            if i % 2 == 0 && j % 2 == 0 {
+                self.get(i / 2, j / 2)
+            } else {
+                T::default()
+            }
         })
     }
 
@@ -142,12 +158,15 @@ mod tests {
             let side = side_of(resolution);
             let mut seen = vec![false; side * side];
             for (index, seen) in seen.iter_mut().enumerate() {
-                *seen = (index % side) % 2 == 0 && (index / side) % 2 == 0;
+                *seen = ((index % side) | (index / side)) & 1 == 0;
             }
             for Odd { i, j } in odd_samples(side) {
                 let along_u = i % 2 == 1;
-                let (before, after) =
-                    if along_u { (j * side + i - 1, j * side + i + 1) } else { ((j - 1) * side + i, (j + 1) * side + i) };
+                let (before, after) = if along_u {
+                    (j * side + i - 1, j * side + i + 1)
+                } else {
+                    ((j - 1) * side + i, (j + 1) * side + i)
+                };
                 assert!(seen[before] && seen[after] && !seen[j * side + i]);
                 seen[j * side + i] = true;
             }
@@ -173,7 +192,13 @@ mod tests {
         let forward = plane(5, noise);
         let backward = plane(5, |i, j| noise(32 - i, 32 - j));
         for odd in odd_samples(33) {
-            assert_eq!(forward.predict(odd), backward.predict(Odd { i: 32 - odd.i, j: 32 - odd.j }));
+            assert_eq!(
+                forward.predict(odd),
+                backward.predict(Odd {
+                    i: 32 - odd.i,
+                    j: 32 - odd.j
+                })
+            );
         }
     }
 

@@ -5,6 +5,13 @@
 //! Limit: about 0.95° worst error; the four corners of the square are all −z, and the exact axes fall between
 //! codes. Arithmetic on codes goes through integer vectors of L1 norm 255, so it is equal on every machine.
 
+#![allow(
+    clippy::arithmetic_side_effects,
+    clippy::cast_possible_truncation,
+    clippy::cast_sign_loss,
+    reason = "components are bounded as documented, codes are clamped to a byte"
+)]
+
 /// The code of `normal`, any length; (0, 0, 1) for a vector that is zero or not finite.
 pub fn encode(normal: [f32; 3]) -> [u8; 2] {
     let [x, y, z] = normal.map(f64::from);
@@ -16,7 +23,11 @@ pub fn encode(normal: [f32; 3]) -> [u8; 2] {
     if z < 0.0 {
         (u, v) = ((1.0 - v.abs()).copysign(u), (1.0 - u.abs()).copysign(v));
     }
-    [u, v].map(|c| (127.5 * (c.clamp(-1.0, 1.0) + 1.0) + 0.5).floor().min(255.0) as u8)
+    [u, v].map(|c| {
+        (127.5 * (c.clamp(-1.0, 1.0) + 1.0) + 0.5)
+            .floor()
+            .min(255.0) as u8
+    })
 }
 
 /// The unit normal of `code`.
@@ -30,7 +41,11 @@ pub fn decode(code: [u8; 2]) -> [f32; 3] {
 pub fn vector(code: [u8; 2]) -> [i32; 3] {
     let [x, y] = code.map(|c| 2 * i32::from(c) - 255);
     let z = 255 - x.abs() - y.abs();
-    if z >= 0 { [x, y, z] } else { [(255 - y.abs()) * sign(x), (255 - x.abs()) * sign(y), z] }
+    if z >= 0 {
+        [x, y, z]
+    } else {
+        [(255 - y.abs()) * sign(x), (255 - x.abs()) * sign(y), z]
+    }
 }
 
 /// The code nearest to an integer vector in octahedral coordinates; `None` for zero.
@@ -41,9 +56,15 @@ pub fn from_vector([x, y, z]: [i32; 3]) -> Option<[u8; 2]> {
     if sum == 0 {
         return None;
     }
-    let (x, y) = if z < 0 { ((sum - y.abs()) * sign(x), (sum - x.abs()) * sign(y)) } else { (x, y) };
+    let (x, y) = if z < 0 {
+        ((sum - y.abs()) * sign(x), (sum - x.abs()) * sign(y))
+    } else {
+        (x, y)
+    };
     // round(255 · (c / sum + 1) / 2)
-    Some([x, y].map(|c| ((255 * i64::from(c + sum) + i64::from(sum)) / (2 * i64::from(sum))).clamp(0, 255) as u8))
+    Some([x, y].map(|c| {
+        ((255 * i64::from(c + sum) + i64::from(sum)) / (2 * i64::from(sum))).clamp(0, 255) as u8
+    }))
 }
 
 fn sign(value: i32) -> i32 {
@@ -84,7 +105,11 @@ mod tests {
             let r = (1.0 - z * z).sqrt();
             let n = [(r * c) as f32, (r * s) as f32, z as f32];
             let m = decode(encode(n));
-            let dot: f64 = n.iter().zip(m).map(|(a, b)| f64::from(*a) * f64::from(b)).sum();
+            let dot: f64 = n
+                .iter()
+                .zip(m)
+                .map(|(a, b)| f64::from(*a) * f64::from(b))
+                .sum();
             assert!(dot > 0.999_85, "{n:?} became {m:?}");
         }
     }

@@ -32,7 +32,10 @@ impl Method {
             0 => Ok(Self::Zero),
             1 => Ok(Self::Raw),
             2 => Ok(Self::Zstd),
-            _ => Err(Error::Value { what, found: u64::from(code) }),
+            _ => Err(Error::Value {
+                what,
+                found: u64::from(code),
+            }),
         }
     }
 }
@@ -49,7 +52,9 @@ pub(crate) fn pack(data: &[u8]) -> Result<(Method, Vec<u8>), Error> {
     }
     let frame = COMPRESSOR.with_borrow_mut(|slot| match slot {
         Some(compressor) => compressor.compress(data),
-        None => slot.insert(zstd::bulk::Compressor::new(LEVEL)?).compress(data),
+        None => slot
+            .insert(zstd::bulk::Compressor::new(LEVEL)?)
+            .compress(data),
     });
     let frame = frame.map_err(Error::Output)?;
     match frame.strip_prefix(&FRAME_MAGIC) {
@@ -66,13 +71,17 @@ pub(crate) fn unpack(
     expected: usize,
 ) -> Result<Vec<u8>, Error> {
     let exact = |found: usize, wanted: usize| match found.cmp(&wanted) {
-        std::cmp::Ordering::Less => {
-            Err(Error::Truncated { what, expected: wanted as u64, found: found as u64 })
-        }
+        std::cmp::Ordering::Less => Err(Error::Truncated {
+            what,
+            expected: wanted as u64,
+            found: found as u64,
+        }),
         std::cmp::Ordering::Equal => Ok(()),
-        std::cmp::Ordering::Greater => {
-            Err(Error::TrailingBytes { what, expected: wanted as u64, found: found as u64 })
-        }
+        std::cmp::Ordering::Greater => Err(Error::TrailingBytes {
+            what,
+            expected: wanted as u64,
+            found: found as u64,
+        }),
     };
     match method {
         Method::Zero => exact(bytes.len(), 0).map(|()| vec![0; expected]),
@@ -82,8 +91,8 @@ pub(crate) fn unpack(
             let mut frame = Vec::with_capacity(bytes.len().saturating_add(FRAME_MAGIC.len()));
             frame.extend_from_slice(&FRAME_MAGIC);
             frame.extend_from_slice(bytes);
-            let data =
-                decompress(&frame, expected).map_err(|reason| Error::Compression { what, reason })?;
+            let data = decompress(&frame, expected)
+                .map_err(|reason| Error::Compression { what, reason })?;
             exact(data.len(), expected).map(|()| data)
         }
     }
@@ -91,11 +100,16 @@ pub(crate) fn unpack(
 
 /// Walks a frame (RFC 8878, section 3.1.1) without decoding it.
 fn check_frame(what: &'static str, bytes: &[u8], expected: u64) -> Result<(), Error> {
-    let refuse = |reason: &str| Error::Compression { what, reason: reason.to_owned() };
+    let refuse = |reason: &str| Error::Compression {
+        what,
+        reason: reason.to_owned(),
+    };
     let mut cursor = Cursor::new(what, bytes);
     let descriptor = cursor.u8()?;
     if descriptor & 0b0001_1111 != 0 {
-        return Err(refuse("the frame has a dictionary, a checksum or reserved bits"));
+        return Err(refuse(
+            "the frame has a dictionary, a checksum or reserved bits",
+        ));
     }
     let single_segment = descriptor & 0b0010_0000 != 0;
     let mut window = 0;
@@ -115,10 +129,18 @@ fn check_frame(what: &'static str, bytes: &[u8], expected: u64) -> Result<(), Er
         window = content;
     }
     if window > MAX_WINDOW_BYTES {
-        return Err(Error::Limit { what: "zstd window", limit: MAX_WINDOW_BYTES, found: window });
+        return Err(Error::Limit {
+            what: "zstd window",
+            limit: MAX_WINDOW_BYTES,
+            found: window,
+        });
     }
     if content != expected {
-        return Err(Error::Mismatch { what, expected, found: content });
+        return Err(Error::Mismatch {
+            what,
+            expected,
+            found: content,
+        });
     }
     loop {
         let [low, middle, high] = [cursor.u8()?, cursor.u8()?, cursor.u8()?];
@@ -144,7 +166,9 @@ fn decompress(frame: &[u8], expected: usize) -> Result<Vec<u8>, String> {
     DECOMPRESSOR
         .with_borrow_mut(|slot| match slot {
             Some(decompressor) => decompressor.decompress(frame, expected),
-            None => slot.insert(zstd::bulk::Decompressor::new()?).decompress(frame, expected),
+            None => slot
+                .insert(zstd::bulk::Decompressor::new()?)
+                .decompress(frame, expected),
         })
         .map_err(|error| error.to_string())
 }
@@ -160,7 +184,9 @@ fn decompress_pure(frame: &[u8], expected: usize) -> Result<Vec<u8>, String> {
     let mut data = vec![0; expected];
     let mut decoder = ruzstd::decoding::FrameDecoder::new();
     decoder.set_max_window_size(MAX_WINDOW_BYTES);
-    let written = decoder.decode_all(frame, &mut data).map_err(|error| error.to_string())?;
+    let written = decoder
+        .decode_all(frame, &mut data)
+        .map_err(|error| error.to_string())?;
     data.truncate(written);
     Ok(data)
 }
@@ -208,10 +234,15 @@ mod tests {
 
     #[test]
     fn the_pure_decoder_reads_what_the_native_one_writes() {
-        let data: Vec<u8> = (0..300_000u32).map(|i| (i.wrapping_mul(i) >> 7) as u8 & 15).collect();
+        let data: Vec<u8> = (0..300_000u32)
+            .map(|i| (i.wrapping_mul(i) >> 7) as u8 & 15)
+            .collect();
         let (method, bytes) = pack(&data).unwrap();
         assert_eq!(method, Method::Zstd);
-        assert_eq!(decompress_pure(&frame_of(&bytes), data.len()).unwrap(), data);
+        assert_eq!(
+            decompress_pure(&frame_of(&bytes), data.len()).unwrap(),
+            data
+        );
     }
 
     #[test]
@@ -234,6 +265,9 @@ mod tests {
     fn a_large_window_is_refused() {
         // Not single segment, window exponent 14: 16 MiB.
         let bytes = [0b0100_0000, 14 << 3, 0xff, 0xff];
-        assert!(matches!(unpack("test", Method::Zstd, &bytes, 65_791), Err(Error::Limit { .. })));
+        assert!(matches!(
+            unpack("test", Method::Zstd, &bytes, 65_791),
+            Err(Error::Limit { .. })
+        ));
     }
 }

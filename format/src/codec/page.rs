@@ -5,6 +5,12 @@
 //! parent's by construction, normals and colours of even samples are stored against the parent's, since
 //! finer pages may shade differently.
 
+#[cfg(not(target_arch = "wasm32"))]
+mod encoding;
+
+#[cfg(not(target_arch = "wasm32"))]
+pub(crate) use encoding::{encode_base, encode_child, encode_root};
+
 use super::grid::{Grid, count_of, odd_samples};
 use super::payload::{self, Counts, Residuals};
 use super::sample::{Colour, Normal, Position, Sample};
@@ -34,12 +40,21 @@ impl Grids {
     /// `None` when `samples` has arrays of other sizes than its resolution asks for.
     fn new(samples: &PageSamples, coding: Coding) -> Option<Self> {
         let resolution = samples.resolution;
-        let units = samples.positions.iter().map(|p| Position(p.map(|c| (c >> coding.shift).cast_signed())));
+        let units = samples
+            .positions
+            .iter()
+            .map(|p| Position(p.map(|c| (c >> coding.shift).cast_signed())));
         Some(Self {
             positions: Grid::new(resolution, units.collect())?,
-            normals: Grid::new(resolution, samples.normals.iter().copied().map(Normal).collect())?,
+            normals: Grid::new(
+                resolution,
+                samples.normals.iter().copied().map(Normal).collect(),
+            )?,
             colours: if coding.has_colours {
-                Some(Grid::new(resolution, samples.colours.iter().copied().map(Colour).collect())?)
+                Some(Grid::new(
+                    resolution,
+                    samples.colours.iter().copied().map(Colour).collect(),
+                )?)
             } else {
                 None
             },
@@ -64,12 +79,20 @@ impl Grids {
     }
 
     fn coarser(&self, steps: u32) -> Self {
-        self.map(|g| g.coarser(steps), |g| g.coarser(steps), |g| g.coarser(steps))
+        self.map(
+            |g| g.coarser(steps),
+            |g| g.coarser(steps),
+            |g| g.coarser(steps),
+        )
     }
 
     fn quarter(&self, quadrant: Quadrant) -> Self {
         let (right, upper) = (quadrant.0 & 1 == 1, quadrant.0 & 2 == 2);
-        self.map(|g| g.quarter(right, upper), |g| g.quarter(right, upper), |g| g.quarter(right, upper))
+        self.map(
+            |g| g.quarter(right, upper),
+            |g| g.quarter(right, upper),
+            |g| g.quarter(right, upper),
+        )
     }
 
     fn into_samples(
@@ -79,40 +102,71 @@ impl Grids {
         coding: Coding,
         parent: Option<&Self>,
     ) -> Result<PageSamples, Error> {
-        fn targets_of<T: targets::Target>(own: &Grid<T>, parent: Option<&Grid<T>>, resolution: u8) -> Vec<T> {
+        fn targets_of<T: targets::Target>(
+            own: &Grid<T>,
+            parent: Option<&Grid<T>>,
+            resolution: u8,
+        ) -> Vec<T> {
             match parent {
                 Some(parent) => targets::of_child(own, parent),
                 None => targets::of_root(own, resolution),
             }
         }
         let on_lattice = |grid: &Grid<Position>, resolution: u8| -> Result<Grid<Position>, Error> {
-            let points = grid.samples().iter().map(|position| Position(position.0.map(|c| c << coding.shift)));
-            Grid::new(resolution, points.collect()).ok_or(Error::Value { what, found: u64::from(resolution) })
+            let points = grid
+                .samples()
+                .iter()
+                .map(|position| Position(position.0.map(|c| c << coding.shift)));
+            Grid::new(resolution, points.collect()).ok_or(Error::Value {
+                what,
+                found: u64::from(resolution),
+            })
         };
         // Units are below 2^21 and shift is at most 15: nothing is lost before this check.
         let limit = 1i32 << LATTICE_BITS.saturating_sub(u32::from(coding.shift));
-        if let Some(&outside) = self.positions.samples().iter().flat_map(|p| &p.0).find(|&&c| c >= limit) {
-            return Err(Error::Value { what, found: u64::from(outside.unsigned_abs()) });
+        if let Some(&outside) = self
+            .positions
+            .samples()
+            .iter()
+            .flat_map(|p| &p.0)
+            .find(|&&c| c >= limit)
+        {
+            return Err(Error::Value {
+                what,
+                found: u64::from(outside.unsigned_abs()),
+            });
         }
         let positions = on_lattice(&self.positions, resolution)?;
         let parent_positions = match parent {
             Some(parent) => Some(on_lattice(&parent.positions, resolution.saturating_sub(1))?),
             None => None,
         };
-        let points = |samples: &[Position]| samples.iter().map(|p| p.0.map(i32::cast_unsigned)).collect();
+        let points = |samples: &[Position]| {
+            samples
+                .iter()
+                .map(|p| p.0.map(i32::cast_unsigned))
+                .collect()
+        };
         let normals = |samples: &[Normal]| samples.iter().map(|n| n.0).collect();
         let colours = |samples: &[Colour]| samples.iter().map(|c| c.0).collect();
         let (colours, colour_targets) = match &self.colours {
             Some(grid) => {
                 let parent = parent.and_then(|parent| parent.colours.as_ref());
-                (colours(grid.samples()), colours(&targets_of(grid, parent, resolution)))
+                (
+                    colours(grid.samples()),
+                    colours(&targets_of(grid, parent, resolution)),
+                )
             }
             None => Default::default(),
         };
         Ok(PageSamples {
             resolution,
             positions: points(positions.samples()),
-            position_targets: points(&targets_of(&positions, parent_positions.as_ref(), resolution)),
+            position_targets: points(&targets_of(
+                &positions,
+                parent_positions.as_ref(),
+                resolution,
+            )),
             normals: normals(self.normals.samples()),
             normal_targets: normals(&targets_of(
                 &self.normals,
@@ -158,10 +212,20 @@ fn restore_odd<T: Sample>(
 }
 
 /// Restores the odd normals; positions are complete.
-fn restore_odd_normals(what: &'static str, grids: &mut Grids, source: &mut Source) -> Result<(), Error> {
+fn restore_odd_normals(
+    what: &'static str,
+    grids: &mut Grids,
+    source: &mut Source,
+) -> Result<(), Error> {
     for odd in odd_samples(grids.normals.side()) {
-        let prediction = source.prediction.predict(&grids.normals, &grids.positions, odd);
-        grids.normals.set(odd.i, odd.j, restore(what, prediction, &mut source.normals)?);
+        let prediction = source
+            .prediction
+            .predict(&grids.normals, &grids.positions, odd);
+        grids.normals.set(
+            odd.i,
+            odd.j,
+            restore(what, prediction, &mut source.normals)?,
+        );
     }
     Ok(())
 }
@@ -186,12 +250,24 @@ fn restore<T: Sample>(
     prediction: T,
     residuals: &mut impl Iterator<Item = [i32; 3]>,
 ) -> Result<T, Error> {
-    let residual = residuals.next().ok_or(Error::Truncated { what, expected: 1, found: 0 })?;
-    T::restore(prediction, residual)
-        .ok_or(Error::Value { what, found: u64::from(residual[0].unsigned_abs()) })
+    let residual = residuals.next().ok_or(Error::Truncated {
+        what,
+        expected: 1,
+        found: 0,
+    })?;
+    T::restore(prediction, residual).ok_or(Error::Value {
+        what,
+        found: u64::from(residual[0].unsigned_abs()),
+    })
 }
 
-fn refine(what: &'static str, grids: &mut Grids, from: u8, to: u8, source: &mut Source) -> Result<(), Error> {
+fn refine(
+    what: &'static str,
+    grids: &mut Grids,
+    from: u8,
+    to: u8,
+    source: &mut Source,
+) -> Result<(), Error> {
     for _ in from..to {
         *grids = grids.finer();
         restore_odd(what, &mut grids.positions, &mut source.positions)?;
@@ -205,7 +281,9 @@ fn refine(what: &'static str, grids: &mut Grids, from: u8, to: u8, source: &mut 
 
 /// Samples that the base holds of charts with these finest resolutions; saturates.
 pub(crate) fn base_count(resolutions: &[u8], base_resolution: u8) -> usize {
-    resolutions.iter().fold(0, |sum, &r| sum.saturating_add(count_of(r.min(base_resolution))))
+    resolutions.iter().fold(0, |sum, &r| {
+        sum.saturating_add(count_of(r.min(base_resolution)))
+    })
 }
 
 /// Decodes the base: per chart, by `resolutions`, its samples up to `base_resolution`.
@@ -219,7 +297,10 @@ pub(crate) fn decode_base(
 ) -> Result<Vec<PageSamples>, Error> {
     let what = "base";
     let count = base_count(resolutions, base_resolution);
-    let counts = Counts { positions: count, normals: count };
+    let counts = Counts {
+        positions: count,
+        normals: count,
+    };
     let mut source = Source::new(payload::decode(what, counts, coding.has_colours, bytes)?);
     let mut before = (Position::default(), Normal::default(), Colour::default());
     let mut base = Vec::with_capacity(resolutions.len());
@@ -237,10 +318,15 @@ pub(crate) fn decode_base(
             }
         }
         let missing = Error::Value { what, found: 0 };
-        let (Some(positions), Some(normals)) = (Grid::new(0, positions), Grid::new(0, normals)) else {
+        let (Some(positions), Some(normals)) = (Grid::new(0, positions), Grid::new(0, normals))
+        else {
             return Err(missing);
         };
-        let mut grids = Grids { positions, normals, colours: Grid::new(0, colours) };
+        let mut grids = Grids {
+            positions,
+            normals,
+            colours: Grid::new(0, colours),
+        };
         refine(what, &mut grids, 0, resolution, &mut source)?;
         base.push(grids.into_samples(what, resolution, coding, None)?);
     }
@@ -259,14 +345,23 @@ pub(crate) fn decode_root(
         return if bytes.is_empty() {
             Ok(base.clone())
         } else {
-            Err(Error::TrailingBytes { what, expected: 0, found: bytes.len() as u64 })
+            Err(Error::TrailingBytes {
+                what,
+                expected: 0,
+                found: bytes.len() as u64,
+            })
         };
     }
     let count = count_of(resolution).saturating_sub(count_of(base.resolution));
-    let counts = Counts { positions: count, normals: count };
+    let counts = Counts {
+        positions: count,
+        normals: count,
+    };
     let mut source = Source::new(payload::decode(what, counts, coding.has_colours, bytes)?);
-    let mut grids = Grids::new(base, coding)
-        .ok_or(Error::Value { what, found: base.positions.len() as u64 })?;
+    let mut grids = Grids::new(base, coding).ok_or(Error::Value {
+        what,
+        found: base.positions.len() as u64,
+    })?;
     refine(what, &mut grids, base.resolution, resolution, &mut source)?;
     grids.into_samples(what, resolution, coding, None)
 }
@@ -274,7 +369,10 @@ pub(crate) fn decode_root(
 /// Residuals of a child page: positions of odd samples, normals and colours of all.
 fn child_counts() -> Counts {
     let all = count_of(PAGE_RESOLUTION);
-    Counts { positions: all.saturating_sub(count_of(PAGE_RESOLUTION - 1)), normals: all }
+    Counts {
+        positions: all.saturating_sub(count_of(PAGE_RESOLUTION - 1)),
+        normals: all,
+    }
 }
 
 /// Decodes a page below the root; `None` when `parent` is no full page.
@@ -284,13 +382,20 @@ pub(crate) fn decode_child(
     parent: &PageSamples,
     bytes: &[u8],
 ) -> Option<Result<PageSamples, Error>> {
-    let parent = Grids::new(parent, coding).filter(|_| parent.resolution == PAGE_RESOLUTION)?.quarter(quadrant);
+    let parent = Grids::new(parent, coding)
+        .filter(|_| parent.resolution == PAGE_RESOLUTION)?
+        .quarter(quadrant);
     Some(refine_child(coding, &parent, bytes))
 }
 
 fn refine_child(coding: Coding, parent: &Grids, bytes: &[u8]) -> Result<PageSamples, Error> {
     let what = "page";
-    let mut source = Source::new(payload::decode(what, child_counts(), coding.has_colours, bytes)?);
+    let mut source = Source::new(payload::decode(
+        what,
+        child_counts(),
+        coding.has_colours,
+        bytes,
+    )?);
     let mut grids = parent.finer();
     restore_odd(what, &mut grids.positions, &mut source.positions)?;
     restore_even(what, &mut grids.normals, &mut source.normals)?;
@@ -300,118 +405,4 @@ fn refine_child(coding: Coding, parent: &Grids, bytes: &[u8]) -> Result<PageSamp
         restore_odd(what, colours, &mut source.colours)?;
     }
     grids.into_samples(what, PAGE_RESOLUTION, coding, Some(parent))
-}
-
-#[cfg(not(target_arch = "wasm32"))]
-pub(crate) use encoding::{encode_base, encode_child, encode_root};
-
-/// The writer's half. Sizes of the samples were checked by the writer.
-#[cfg(not(target_arch = "wasm32"))]
-mod encoding {
-    use super::*;
-    use crate::codec::payload::{Alternatives, PartBytes};
-
-    fn store_odd<T: Sample>(grid: &Grid<T>, out: &mut Vec<[i32; 3]>) {
-        out.extend(odd_samples(grid.side()).map(|odd| grid.get(odd.i, odd.j).residual(grid.predict(odd))));
-    }
-
-    fn store_odd_normals(grids: &Grids, out: &mut [Vec<[i32; 3]>; 3]) {
-        let normals = &grids.normals;
-        for (prediction, out) in Prediction::ALL.into_iter().zip(out) {
-            out.extend(odd_samples(normals.side()).map(|odd| {
-                let predicted = prediction.predict(normals, &grids.positions, odd);
-                normals.get(odd.i, odd.j).residual(predicted)
-            }));
-        }
-    }
-
-    fn store_even<T: Sample>(grid: &Grid<T>, parent: &Grid<T>, out: &mut Vec<[i32; 3]>) {
-        let even = grid.coarser(1);
-        out.extend(even.samples().iter().zip(parent.samples()).map(|(own, parent)| own.residual(*parent)));
-    }
-
-    /// Stores resolutions `from + 1..=to` of grids that hold resolution `to`.
-    fn store(grids: &Grids, from: u8, to: u8, out: &mut Alternatives) {
-        for resolution in from..to {
-            let grids = grids.coarser(u32::from(to - resolution - 1));
-            store_odd(&grids.positions, &mut out.positions);
-            store_odd_normals(&grids, &mut out.normals);
-            if let Some(colours) = &grids.colours {
-                store_odd(colours, &mut out.colours);
-            }
-        }
-    }
-
-    fn grids_of(samples: &PageSamples, coding: Coding) -> Result<Grids, Error> {
-        Grids::new(samples, coding).ok_or(Error::Input {
-            rule: "a node has (2^resolution + 1)^2 samples",
-            detail: format!("{} positions at resolution {}", samples.positions.len(), samples.resolution),
-        })
-    }
-
-    /// Encodes the base of charts whose roots are `roots`.
-    pub(crate) fn encode_base<'a>(
-        coding: Coding,
-        roots: impl Iterator<Item = &'a PageSamples>,
-        base_resolution: u8,
-    ) -> Result<(Vec<u8>, PartBytes), Error> {
-        let mut out = Alternatives::default();
-        let mut before = (Position::default(), Normal::default(), Colour::default());
-        for root in roots {
-            let grids = grids_of(root, coding)?;
-            let resolution = root.resolution.min(base_resolution);
-            let grids = grids.coarser(u32::from(root.resolution - resolution));
-            let corners = grids.coarser(u32::from(resolution));
-            for &corner in corners.positions.samples() {
-                out.positions.push(corner.residual(before.0));
-                before.0 = corner;
-            }
-            for &corner in corners.normals.samples() {
-                out.normals.iter_mut().for_each(|normals| normals.push(corner.residual(before.1)));
-                before.1 = corner;
-            }
-            for &corner in corners.colours.iter().flat_map(Grid::samples) {
-                out.colours.push(corner.residual(before.2));
-                before.2 = corner;
-            }
-            store(&grids, 0, resolution, &mut out);
-        }
-        payload::encode(&out, coding.has_colours)
-    }
-
-    /// Encodes a root page; empty when the base holds all of it.
-    pub(crate) fn encode_root(
-        coding: Coding,
-        root: &PageSamples,
-        base_resolution: u8,
-    ) -> Result<(Vec<u8>, PartBytes), Error> {
-        if root.resolution <= base_resolution {
-            return Ok(Default::default());
-        }
-        let mut out = Alternatives::default();
-        store(&grids_of(root, coding)?, base_resolution, root.resolution, &mut out);
-        payload::encode(&out, coding.has_colours)
-    }
-
-    /// Encodes a page below the root.
-    pub(crate) fn encode_child(
-        coding: Coding,
-        samples: &PageSamples,
-        parent: &PageSamples,
-        quadrant: Quadrant,
-    ) -> Result<(Vec<u8>, PartBytes), Error> {
-        let grids = grids_of(samples, coding)?;
-        let parent = grids_of(parent, coding)?.quarter(quadrant);
-        let mut out = Alternatives::default();
-        store_odd(&grids.positions, &mut out.positions);
-        for normals in &mut out.normals {
-            store_even(&grids.normals, &parent.normals, normals);
-        }
-        store_odd_normals(&grids, &mut out.normals);
-        if let (Some(colours), Some(parent)) = (&grids.colours, &parent.colours) {
-            store_even(colours, parent, &mut out.colours);
-            store_odd(colours, &mut out.colours);
-        }
-        payload::encode(&out, coding.has_colours)
-    }
 }

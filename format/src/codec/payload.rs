@@ -64,37 +64,66 @@ struct PayloadHeader {
 }
 
 impl PayloadHeader {
-    fn parse(what: &'static str, has_colours: bool, cursor: &mut Cursor<'_>) -> Result<Self, Error> {
+    fn parse(
+        what: &'static str,
+        has_colours: bool,
+        cursor: &mut Cursor<'_>,
+    ) -> Result<Self, Error> {
         let (methods, coding) = (cursor.u8()?, cursor.u8()?);
         if methods & METHODS_RESERVED != 0 || coding & CODING_RESERVED != 0 {
-            return Err(Error::Reserved { what, value: u64::from(u16::from_le_bytes([methods, coding])) });
+            return Err(Error::Reserved {
+                what,
+                value: u64::from(u16::from_le_bytes([methods, coding])),
+            });
         }
         let code = |shift: u32| Method::from_code(what, methods >> shift & 3);
         let methods = [code(0)?, code(NORMALS_SHIFT)?, code(COLOURS_SHIFT)?];
         let planes = usize::from(coding & 3).saturating_add(1);
         if planes > 3 {
-            return Err(Error::Value { what, found: planes as u64 });
+            return Err(Error::Value {
+                what,
+                found: planes as u64,
+            });
         }
         let prediction = Prediction::from_code(what, coding >> PREDICTION_SHIFT & 3)?;
         let [_, _, colours] = methods;
         if !has_colours && colours != Method::Zero {
-            return Err(Error::Value { what, found: colours as u64 });
+            return Err(Error::Value {
+                what,
+                found: colours as u64,
+            });
         }
         let geometry_length = usize::try_from(cursor.leb128()?).unwrap_or(usize::MAX);
         let normals_length = usize::try_from(cursor.leb128()?).unwrap_or(usize::MAX);
-        Ok(Self { planes, prediction, methods, geometry_length, normals_length })
+        Ok(Self {
+            planes,
+            prediction,
+            methods,
+            geometry_length,
+            normals_length,
+        })
     }
 }
 
 /// Sizes of the parts of a stored payload, without decoding it.
-pub(crate) fn parts(what: &'static str, has_colours: bool, bytes: &[u8]) -> Result<PartBytes, Error> {
+pub(crate) fn parts(
+    what: &'static str,
+    has_colours: bool,
+    bytes: &[u8],
+) -> Result<PartBytes, Error> {
     let mut cursor = Cursor::new(what, bytes);
     let header = PayloadHeader::parse(what, has_colours, &mut cursor)?;
     cursor.take(header.geometry_length)?;
     cursor.take(header.normals_length)?;
     let (normals, colours) = (header.normals_length as u64, cursor.rest().len() as u64);
-    let geometry = (bytes.len() as u64).saturating_sub(normals).saturating_sub(colours);
-    Ok(PartBytes { geometry, normals, colours })
+    let geometry = (bytes.len() as u64)
+        .saturating_sub(normals)
+        .saturating_sub(colours);
+    Ok(PartBytes {
+        geometry,
+        normals,
+        colours,
+    })
 }
 
 /// Decodes a payload of exactly `counts` residuals.
@@ -117,7 +146,12 @@ pub(crate) fn decode(
         counts.positions,
         header.planes.saturating_mul(3),
     )?;
-    let normals = stream(cursor.take(header.normals_length)?, normals, counts.normals, 2)?;
+    let normals = stream(
+        cursor.take(header.normals_length)?,
+        normals,
+        counts.normals,
+        2,
+    )?;
     let colours = stream(cursor.rest(), colours, colour_count, 3)?;
     Ok(Residuals {
         positions: unzigzag_planes(&positions, counts.positions),
@@ -131,7 +165,7 @@ pub(crate) fn decode(
 fn unzigzag_planes(bytes: &[u8], count: usize) -> Vec<[i32; 3]> {
     let mut codes = vec![[0u32; 3]; count];
     for (index, plane) in bytes.chunks_exact(count.max(1)).enumerate() {
-        let (component, shift) = (index % 3, 8 * (index / 3));
+        let (component, shift) = (index % 3, (index / 3).saturating_mul(8));
         for (code, &byte) in codes.iter_mut().zip(plane) {
             if let Some(code) = code.get_mut(component) {
                 *code |= u32::from(byte) << shift;
@@ -156,17 +190,27 @@ fn byte_planes(bytes: &[u8], count: usize) -> Vec<[i32; 3]> {
 /// Signed to unsigned: 0, −1, 1, −2, … become 0, 1, 2, 3, …
 #[cfg(not(target_arch = "wasm32"))]
 pub(crate) fn zigzag(value: i32) -> u32 {
-    (value << 1 ^ value >> 31).cast_unsigned()
+    ((value << 1) ^ (value >> 31)).cast_unsigned()
 }
 
 /// Inverse of `zigzag`.
 pub(crate) fn unzigzag(code: u32) -> i32 {
-    (code >> 1).cast_signed() ^ -(code & 1).cast_signed()
+    (code >> 1).cast_signed() ^ (code & 1).cast_signed().wrapping_neg()
 }
 
 /// Encodes residuals, of the normals those that take the fewest bytes; colours are stored when `has_colours`.
 #[cfg(not(target_arch = "wasm32"))]
-pub(crate) fn encode(residuals: &Alternatives, has_colours: bool) -> Result<(Vec<u8>, PartBytes), Error> {
+#[allow(
+    clippy::arithmetic_side_effects,
+    clippy::indexing_slicing,
+    clippy::cast_possible_truncation,
+    clippy::cast_sign_loss,
+    reason = "no bytes of a file come here"
+)]
+pub(crate) fn encode(
+    residuals: &Alternatives,
+    has_colours: bool,
+) -> Result<(Vec<u8>, PartBytes), Error> {
     let codes: Vec<[u32; 3]> = residuals.positions.iter().map(|r| r.map(zigzag)).collect();
     let largest = codes.iter().flatten().copied().max().unwrap_or(0);
     let planes = match largest {
@@ -177,7 +221,11 @@ pub(crate) fn encode(residuals: &Alternatives, has_colours: bool) -> Result<(Vec
     let mut geometry = Vec::with_capacity(3 * usize::from(planes) * codes.len());
     for plane in 0..planes {
         for component in 0..3 {
-            geometry.extend(codes.iter().map(|code| (code[component] >> (8 * u32::from(plane))) as u8));
+            geometry.extend(
+                codes
+                    .iter()
+                    .map(|code| (code[component] >> (8 * u32::from(plane))) as u8),
+            );
         }
     }
     let bytes_of = |values: &[[i32; 3]], components: usize| {
@@ -191,14 +239,20 @@ pub(crate) fn encode(residuals: &Alternatives, has_colours: bool) -> Result<(Vec
     let mut best: Option<(Prediction, (Method, Vec<u8>))> = None;
     for (prediction, normals) in Prediction::ALL.into_iter().zip(&residuals.normals) {
         let packed = packing::pack(&bytes_of(normals, 2))?;
-        if best.as_ref().is_none_or(|(_, (_, least))| packed.1.len() < least.len()) {
+        if best
+            .as_ref()
+            .is_none_or(|(_, (_, least))| packed.1.len() < least.len())
+        {
             best = Some((prediction, packed));
         }
     }
     let (prediction, (normals_method, normals)) =
         best.unwrap_or((Prediction::Interpolated, (Method::Zero, Vec::new())));
-    let (colours_method, colours) =
-        if has_colours { packing::pack(&bytes_of(&residuals.colours, 3))? } else { (Method::Zero, Vec::new()) };
+    let (colours_method, colours) = if has_colours {
+        packing::pack(&bytes_of(&residuals.colours, 3))?
+    } else {
+        (Method::Zero, Vec::new())
+    };
 
     let mut out = vec![
         geometry_method as u8
@@ -225,21 +279,50 @@ mod tests {
     use proptest::prelude::*;
 
     fn residuals() -> impl Strategy<Value = (Residuals, bool)> {
-        let position = prop_oneof![Just([0i32; 3]), [-3..3, -300..300, -3..3], [-2_000_000..2_000_000, -5..5, 0..1]];
+        let position = prop_oneof![
+            Just([0i32; 3]),
+            [-3..3, -300..300, -3..3],
+            [-2_000_000..2_000_000, -5..5, 0..1]
+        ];
         let bytes = |n: usize| prop::collection::vec([0..256i32, 0..256i32, 0..256i32], n);
-        (prop::collection::vec(position, 0..400), 0..400usize, any::<bool>()).prop_flat_map(move |(positions, n, has)| {
-            (Just(positions), bytes(n), bytes(if has { n } else { 0 }), Just(has)).prop_map(|(positions, normals, colours, has)| {
-                let normals = normals.into_iter().map(|[a, b, _]| [a, b, 0]).collect();
-                (Residuals { positions, prediction: Prediction::Mixed, normals, colours }, has)
+        (
+            prop::collection::vec(position, 0..400),
+            0..400usize,
+            any::<bool>(),
+        )
+            .prop_flat_map(move |(positions, n, has)| {
+                (
+                    Just(positions),
+                    bytes(n),
+                    bytes(if has { n } else { 0 }),
+                    Just(has),
+                )
+                    .prop_map(|(positions, normals, colours, has)| {
+                        let normals = normals.into_iter().map(|[a, b, _]| [a, b, 0]).collect();
+                        (
+                            Residuals {
+                                positions,
+                                prediction: Prediction::Mixed,
+                                normals,
+                                colours,
+                            },
+                            has,
+                        )
+                    })
             })
-        })
     }
 
     /// Alternatives of which those of `residuals` are the smallest, unless there is next to nothing to store.
     fn alternatives(residuals: &Residuals) -> Alternatives {
-        let worse: Vec<[i32; 3]> = (0..4000).map(|k: i32| [k * k >> 3, k * k >> 5, 0]).collect();
+        let worse: Vec<[i32; 3]> = (0..4000)
+            .map(|k: i32| [(k * k) >> 3, (k * k) >> 5, 0])
+            .collect();
         let normals = [worse.clone(), residuals.normals.clone(), worse];
-        Alternatives { positions: residuals.positions.clone(), normals, colours: residuals.colours.clone() }
+        Alternatives {
+            positions: residuals.positions.clone(),
+            normals,
+            colours: residuals.colours.clone(),
+        }
     }
 
     proptest! {
@@ -277,7 +360,13 @@ mod tests {
         };
         let (mut bytes, _) = encode(&alternatives(&residuals), false).unwrap();
         bytes.push(0);
-        let counts = Counts { positions: 5, normals: 5 };
-        assert!(matches!(decode("test", counts, false, &bytes), Err(Error::TrailingBytes { .. })));
+        let counts = Counts {
+            positions: 5,
+            normals: 5,
+        };
+        assert!(matches!(
+            decode("test", counts, false, &bytes),
+            Err(Error::TrailingBytes { .. })
+        ));
     }
 }

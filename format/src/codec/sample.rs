@@ -1,5 +1,12 @@
 //! What can be predicted and coded: positions, normals, colours, each as three integers.
 
+#![allow(
+    clippy::arithmetic_side_effects,
+    clippy::cast_possible_truncation,
+    clippy::cast_sign_loss,
+    reason = "sums are below 2^28; residuals of bytes are taken modulo 256"
+)]
+
 use super::octahedral;
 use crate::lattice::LATTICE_BITS;
 
@@ -52,7 +59,10 @@ impl Sample for Position {
     fn restore(prediction: Self, residual: [i32; 3]) -> Option<Self> {
         let ([a, b, c], [d, e, f]) = (prediction.0, residual);
         let value = [a.checked_add(d)?, b.checked_add(e)?, c.checked_add(f)?];
-        value.iter().all(|c| (0..1 << LATTICE_BITS).contains(c)).then_some(Self(value))
+        value
+            .iter()
+            .all(|c| (0..1 << LATTICE_BITS).contains(c))
+            .then_some(Self(value))
     }
 }
 
@@ -67,7 +77,11 @@ impl Sample for Normal {
 
     fn residual(self, prediction: Self) -> [i32; 3] {
         let ([a, b], [c, d]) = (self.0, prediction.0);
-        [i32::from(a.wrapping_sub(c)), i32::from(b.wrapping_sub(d)), 0]
+        [
+            i32::from(a.wrapping_sub(c)),
+            i32::from(b.wrapping_sub(d)),
+            0,
+        ]
     }
 
     fn restore(prediction: Self, [a, b, _]: [i32; 3]) -> Option<Self> {
@@ -94,7 +108,11 @@ impl Sample for Colour {
 
     fn restore(prediction: Self, residual: [i32; 3]) -> Option<Self> {
         let ([r, g, b], [p, q, s]) = (residual.map(|c| c as u8), prediction.0);
-        Some(Self([p.wrapping_add(r).wrapping_add(g), q.wrapping_add(g), s.wrapping_add(b).wrapping_add(g)]))
+        Some(Self([
+            p.wrapping_add(r).wrapping_add(g),
+            q.wrapping_add(g),
+            s.wrapping_add(b).wrapping_add(g),
+        ]))
     }
 }
 
@@ -118,7 +136,10 @@ mod tests {
     #[test]
     fn positions_outside_the_lattice_are_refused() {
         assert_eq!(Position::restore(Position([0; 3]), [-1, 0, 0]), None);
-        assert_eq!(Position::restore(Position([(1 << 21) - 1; 3]), [0, 0, 1]), None);
+        assert_eq!(
+            Position::restore(Position([(1 << 21) - 1; 3]), [0, 0, 1]),
+            None
+        );
         assert_eq!(Position::restore(Position([i32::MAX; 3]), [1; 3]), None);
     }
 }

@@ -4,6 +4,12 @@
 //! what the coarser triangulation, whose cell diagonals run from (i, j) to (i + 1, j + 1), has there. The mean
 //! does not depend on the order of the two, so both charts of a shared border compute the same.
 
+#![allow(
+    clippy::arithmetic_side_effects,
+    clippy::cast_possible_truncation,
+    reason = "indices stay in a grid of at most 2^5 + 1 samples a side, values below 2^21 are averaged"
+)]
+
 use super::grid::Grid;
 use super::sample::{Normal, Sample};
 
@@ -44,7 +50,11 @@ pub(crate) fn of_root<T: Target>(samples: &Grid<T>, resolution: u8) -> Vec<T> {
                 samples.get(i, j)
             } else {
                 let (a, b) = neighbours(i, j, steps);
-                T::mean(samples.get(a.0, a.1), samples.get(b.0, b.1), samples.get(i, j))
+                T::mean(
+                    samples.get(a.0, a.1),
+                    samples.get(b.0, b.1),
+                    samples.get(i, j),
+                )
             });
         }
     }
@@ -61,7 +71,11 @@ pub(crate) fn of_child<T: Target>(samples: &Grid<T>, parent: &Grid<T>) -> Vec<T>
                 parent.get(i / 2, j / 2)
             } else {
                 let (a, b) = neighbours(i, j, 0);
-                T::mean(parent.get(a.0 / 2, a.1 / 2), parent.get(b.0 / 2, b.1 / 2), samples.get(i, j))
+                T::mean(
+                    parent.get(a.0 / 2, a.1 / 2),
+                    parent.get(b.0 / 2, b.1 / 2),
+                    samples.get(i, j),
+                )
             });
         }
     }
@@ -99,10 +113,22 @@ mod tests {
             assert_eq!(at(corner.0, corner.1), grid.get(corner.0, corner.1));
         }
         // (4, 0) comes with resolution 1, (2, 6) with 2, (3, 5) with 3.
-        assert_eq!(at(4, 0), Position::mean(grid.get(0, 0), grid.get(8, 0), Position::default()));
-        assert_eq!(at(2, 6), Position::mean(grid.get(0, 4), grid.get(4, 8), Position::default()));
-        assert_eq!(at(3, 5), Position::mean(grid.get(2, 4), grid.get(4, 6), Position::default()));
-        assert_eq!(at(4, 1), Position::mean(grid.get(4, 0), grid.get(4, 2), Position::default()));
+        assert_eq!(
+            at(4, 0),
+            Position::mean(grid.get(0, 0), grid.get(8, 0), Position::default())
+        );
+        assert_eq!(
+            at(2, 6),
+            Position::mean(grid.get(0, 4), grid.get(4, 8), Position::default())
+        );
+        assert_eq!(
+            at(3, 5),
+            Position::mean(grid.get(2, 4), grid.get(4, 6), Position::default())
+        );
+        assert_eq!(
+            at(4, 1),
+            Position::mean(grid.get(4, 0), grid.get(4, 2), Position::default())
+        );
     }
 
     #[test]
@@ -134,10 +160,18 @@ mod tests {
 
     #[test]
     fn means_do_not_depend_on_the_order() {
-        let codes = [Normal([200, 90]), Normal([10, 10]), Normal([0, 255]), Normal([128, 127])];
+        let codes = [
+            Normal([200, 90]),
+            Normal([10, 10]),
+            Normal([0, 255]),
+            Normal([128, 127]),
+        ];
         for a in codes {
             for b in codes {
-                assert_eq!(Normal::mean(a, b, Normal::default()), Normal::mean(b, a, Normal::default()));
+                assert_eq!(
+                    Normal::mean(a, b, Normal::default()),
+                    Normal::mean(b, a, Normal::default())
+                );
             }
         }
     }

@@ -47,15 +47,25 @@ pub(crate) struct Block {
 /// Bytes of the facts, decoded.
 fn facts_length(place: &BlockPlace<'_>) -> usize {
     let roots = place.root_resolutions.len();
-    let root_errors: usize = place.root_resolutions.iter().map(|&r| usize::from(r) + 1).sum();
-    let errors = place.page_count.saturating_sub(roots).saturating_add(root_errors);
+    let root_errors: usize = place
+        .root_resolutions
+        .iter()
+        .map(|&r| usize::from(r) + 1)
+        .sum();
+    let errors = place
+        .page_count
+        .saturating_sub(roots)
+        .saturating_add(root_errors);
     let bits = place.page_count.div_ceil(8);
-    bits.saturating_add(place.page_count.saturating_mul(BYTE_PLANES)).saturating_add(errors.saturating_mul(2))
+    bits.saturating_add(place.page_count.saturating_mul(BYTE_PLANES))
+        .saturating_add(errors.saturating_mul(2))
 }
 
 /// The part of a block's bytes that the content id covers.
 pub(crate) fn facts_of(page_count: usize, bytes: &[u8]) -> &[u8] {
-    bytes.get(page_count.saturating_mul(4)..).unwrap_or_default()
+    bytes
+        .get(page_count.saturating_mul(4)..)
+        .unwrap_or_default()
 }
 
 /// The facts, plane by plane.
@@ -82,11 +92,22 @@ impl<'a> Planes<'a> {
         let errors = [cursor.take(errors)?, cursor.take(errors)?];
         let axes = [cursor.take(n)?, cursor.take(n)?];
         let (cosines, shifts) = (cursor.take(n)?, cursor.take(n)?);
-        let mut three = || -> Result<[&'a [u8]; 3], Error> { Ok([cursor.take(n)?, cursor.take(n)?, cursor.take(n)?]) };
+        let mut three = || -> Result<[&'a [u8]; 3], Error> {
+            Ok([cursor.take(n)?, cursor.take(n)?, cursor.take(n)?])
+        };
         let minima = [three()?, three()?, three()?];
         let sizes = three()?;
         cursor.finish()?;
-        Ok(Self { children, lengths, errors, axes, cosines, shifts, minima, sizes })
+        Ok(Self {
+            children,
+            lengths,
+            errors,
+            axes,
+            cosines,
+            shifts,
+            minima,
+            sizes,
+        })
     }
 
     fn has_children(&self, at: usize) -> bool {
@@ -99,7 +120,9 @@ impl<'a> Planes<'a> {
     }
 
     fn minimum_delta(&self, at: usize, axis: usize) -> u32 {
-        let [low, middle, high] = self.minima.map(|planes| planes.get(axis).map_or(0, |plane| byte(plane, at)));
+        let [low, middle, high] = self
+            .minima
+            .map(|planes| planes.get(axis).map_or(0, |plane| byte(plane, at)));
         u32::from_le_bytes([low, middle, high, 0])
     }
 }
@@ -110,7 +133,11 @@ fn byte(plane: &[u8], at: usize) -> u8 {
 
 impl Block {
     /// Reads a block whose checksum was checked.
-    pub(crate) fn parse(place: &BlockPlace<'_>, bytes: &[u8], limits: &Limits) -> Result<Self, Error> {
+    pub(crate) fn parse(
+        place: &BlockPlace<'_>,
+        bytes: &[u8],
+        limits: &Limits,
+    ) -> Result<Self, Error> {
         let n = place.page_count;
         let mut cursor = Cursor::new(WHAT, bytes);
         let checksums = cursor.take(n.saturating_mul(4))?;
@@ -118,13 +145,28 @@ impl Block {
         let facts = packing::unpack(WHAT, method, cursor.rest(), facts_length(place))?;
         let planes = Planes::new(place, &facts)?;
         let unused = place.page_count % 8;
-        if unused != 0 && planes.children.last().is_some_and(|&last| last >> unused != 0) {
-            return Err(Error::Reserved { what: WHAT, value: u64::from(byte(planes.children, n / 8)) });
+        if unused != 0
+            && planes
+                .children
+                .last()
+                .is_some_and(|&last| last >> unused != 0)
+        {
+            return Err(Error::Reserved {
+                what: WHAT,
+                value: u64::from(byte(planes.children, n / 8)),
+            });
         }
         let mut checksums = Cursor::new(WHAT, checksums);
-        let mut block = Self { entries: Vec::with_capacity(n), first_children: Vec::with_capacity(n) };
+        let mut block = Self {
+            entries: Vec::with_capacity(n),
+            first_children: Vec::with_capacity(n),
+        };
         let (mut offset, mut child) = (place.first_page_offset, place.first_child);
-        let mut errors = ErrorReader { planes: planes.errors, next: 0, before: 0 };
+        let mut errors = ErrorReader {
+            planes: planes.errors,
+            next: 0,
+            before: 0,
+        };
         let mut boxes = BoxReader { before: [0; 3] };
         let mut axis = [0u8; 2];
         for at in 0..n {
@@ -133,7 +175,11 @@ impl Block {
             let length = planes.length(at);
             if length > limits.page_bytes {
                 let (limit, found) = (u64::from(limits.page_bytes), u64::from(length));
-                return Err(Error::Limit { what: "bytes of a page", limit, found });
+                return Err(Error::Limit {
+                    what: "bytes of a page",
+                    limit,
+                    found,
+                });
             }
             let [u, v] = axis;
             axis = [
@@ -141,9 +187,14 @@ impl Block {
                 v.wrapping_add(byte(planes.axes[1], at)),
             ];
             let has_children = planes.has_children(at);
-            let page = place.first_page.saturating_add(u32::try_from(at).unwrap_or(u32::MAX));
+            let page = place
+                .first_page
+                .saturating_add(u32::try_from(at).unwrap_or(u32::MAX));
             if has_children && (resolution < PAGE_RESOLUTION || child <= page) {
-                return Err(Error::Value { what: "page with children", found: u64::from(page) });
+                return Err(Error::Value {
+                    what: "page with children",
+                    found: u64::from(page),
+                });
             }
             block.first_children.push(has_children.then_some(child));
             block.entries.push(PageEntry {
@@ -160,14 +211,26 @@ impl Block {
                 has_children,
             });
             offset = offset.saturating_add(u64::from(length));
-            child = if has_children { child.saturating_add(4) } else { child };
+            child = if has_children {
+                child.saturating_add(4)
+            } else {
+                child
+            };
         }
         if offset != place.end_offset {
-            return Err(Error::Mismatch { what: "end of a block's pages", expected: place.end_offset, found: offset });
+            return Err(Error::Mismatch {
+                what: "end of a block's pages",
+                expected: place.end_offset,
+                found: offset,
+            });
         }
         if child != place.end_child {
             let (expected, found) = (u64::from(place.end_child), u64::from(child));
-            return Err(Error::Mismatch { what: "end of a block's children", expected, found });
+            return Err(Error::Mismatch {
+                what: "end of a block's children",
+                expected,
+                found,
+            });
         }
         Ok(block)
     }
@@ -187,7 +250,8 @@ impl ErrorReader<'_> {
         for k in 0..count {
             let [low, high] = self.planes.map(|plane| byte(plane, self.next));
             let delta = unzigzag(u32::from(u16::from_le_bytes([low, high])));
-            code = code.wrapping_add(delta as u16);
+            // A 16-bit code unfolds to 16 bits.
+            code = code.wrapping_add_signed(i16::try_from(delta).unwrap_or_default());
             self.next = self.next.saturating_add(1);
             if k == 0 {
                 self.before = code;
@@ -206,14 +270,23 @@ struct BoxReader {
 impl BoxReader {
     fn page(&mut self, planes: &Planes<'_>, at: usize) -> Result<crate::Bounds, Error> {
         let shift = byte(planes.shifts, at);
-        let outside = Error::Value { what: "bounds of a page", found: u64::from(shift) };
+        let outside = Error::Value {
+            what: "bounds of a page",
+            found: u64::from(shift),
+        };
         if u32::from(shift) >= LATTICE_BITS {
             return Err(outside);
         }
-        let mut code = BoundsCode { shift, min: [0; 3], size: planes.sizes.map(|plane| byte(plane, at)) };
+        let mut code = BoundsCode {
+            shift,
+            min: [0; 3],
+            size: planes.sizes.map(|plane| byte(plane, at)),
+        };
         for (axis, (min, before)) in code.min.iter_mut().zip(&mut self.before).enumerate() {
             let delta = unzigzag(planes.minimum_delta(at, axis));
-            let Some(cell) = (*before >> shift).checked_add_signed(delta).filter(|&cell| cell < 1 << LATTICE_BITS)
+            let Some(cell) = (*before >> shift)
+                .checked_add_signed(delta)
+                .filter(|&cell| cell < 1 << LATTICE_BITS)
             else {
                 return Err(outside);
             };
@@ -239,6 +312,11 @@ pub(crate) struct PageFacts {
 
 /// Packs the facts of a block's pages.
 #[cfg(not(target_arch = "wasm32"))]
+#[allow(
+    clippy::indexing_slicing,
+    clippy::cast_possible_truncation,
+    reason = "no bytes of a file come here"
+)]
 pub(crate) fn encode_facts(pages: &[PageFacts]) -> Result<Vec<u8>, Error> {
     use crate::codec::payload::zigzag;
     let mut facts = vec![0u8; pages.len().div_ceil(8)];

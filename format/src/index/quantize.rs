@@ -1,5 +1,13 @@
 //! Conservative codes for errors, cones and bounds: what is decoded always contains what was coded.
 
+#![allow(
+    clippy::arithmetic_side_effects,
+    clippy::indexing_slicing,
+    clippy::cast_possible_truncation,
+    clippy::cast_sign_loss,
+    reason = "coordinates have 21 bits, axes are 0..3, and every cast follows a clamp"
+)]
+
 use crate::codec::octahedral;
 use crate::index::NormalCone;
 use crate::lattice::{Bounds, LATTICE_BITS};
@@ -23,7 +31,11 @@ pub(crate) fn error_code(error: f32) -> Option<u16> {
 
 /// The error of a code; code 0 is 0.
 pub(crate) fn error_from_code(code: u16) -> f32 {
-    if code == 0 { 0.0 } else { f32::from_bits((u32::from(code) + ERROR_BASE) << ERROR_SHIFT) }
+    if code == 0 {
+        0.0
+    } else {
+        f32::from_bits((u32::from(code) + ERROR_BASE) << ERROR_SHIFT)
+    }
 }
 
 /// The cosine of a cone's code: −1 + 2 · code / 255.
@@ -77,8 +89,16 @@ pub(crate) struct BoundsCode {
 impl BoundsCode {
     /// The smallest code, with at least 64 cells along the longest axis where there are as many, that holds `bounds`.
     pub(crate) fn new(bounds: &Bounds) -> Self {
-        let longest = bounds.min.iter().zip(bounds.max).map(|(&min, max)| max.saturating_sub(min)).max().unwrap_or(0);
-        let shift = (0..LATTICE_BITS as u8).find(|shift| longest >> shift < 128).unwrap_or(0);
+        let longest = bounds
+            .min
+            .iter()
+            .zip(bounds.max)
+            .map(|(&min, max)| max.saturating_sub(min))
+            .max()
+            .unwrap_or(0);
+        let shift = (0..LATTICE_BITS as u8)
+            .find(|shift| longest >> shift < 128)
+            .unwrap_or(0);
         let min = bounds.min.map(|c| c >> shift);
         let max = bounds.max.map(|c| c >> shift);
         let size = [0, 1, 2].map(|axis: usize| max[axis].saturating_sub(min[axis]).min(255) as u8);
@@ -88,7 +108,10 @@ impl BoundsCode {
     /// The box; `None` when it leaves the lattice.
     pub(crate) fn bounds(&self) -> Option<Bounds> {
         let cells = 1u32 << LATTICE_BITS.checked_sub(u32::from(self.shift))?;
-        let mut bounds = Bounds { min: [0; 3], max: [0; 3] };
+        let mut bounds = Bounds {
+            min: [0; 3],
+            max: [0; 3],
+        };
         let ends = bounds.min.iter_mut().zip(&mut bounds.max);
         for ((low, high), (&min, &size)) in ends.zip(self.min.iter().zip(&self.size)) {
             let last = min.checked_add(u32::from(size))?;

@@ -8,8 +8,8 @@ use crate::index::BLOCK_PAGES;
 use crate::index::block::{Block, BlockPlace};
 use crate::index::directory::Directory;
 use crate::{
-    ByteSource, BytesByPart, Chart, ChartId, Error, Limits, Metadata, NodeId, PageEntry, PageId, PageSamples,
-    Quadrant,
+    ByteSource, BytesByPart, Chart, ChartId, Error, Limits, Metadata, NodeId, PageEntry, PageId,
+    PageSamples, Quadrant,
 };
 use std::fmt::Write as _;
 use std::ops::Range;
@@ -37,7 +37,10 @@ pub struct Document {
 }
 
 impl Document {
-    #[expect(clippy::too_many_arguments, reason = "called once, with the parts just read")]
+    #[expect(
+        clippy::too_many_arguments,
+        reason = "called once, with the parts just read"
+    )]
     pub(super) fn new(
         header: Header,
         limits: Limits,
@@ -90,11 +93,13 @@ impl Document {
 
     /// Content id as lower-case hexadecimal.
     pub fn content_id_hex(&self) -> String {
-        self.content_id.iter().fold(String::with_capacity(32), |mut hex, byte| {
-            // Writing to a string does not fail.
-            let _ = write!(hex, "{byte:02x}");
-            hex
-        })
+        self.content_id
+            .iter()
+            .fold(String::with_capacity(32), |mut hex, byte| {
+                // Writing to a string does not fail.
+                let _ = write!(hex, "{byte:02x}");
+                hex
+            })
     }
 
     /// Header and section table.
@@ -124,7 +129,11 @@ impl Document {
 
     /// Bytes by part, from the front of the file alone.
     pub fn bytes_by_part(&self) -> BytesByPart {
-        let length = |kind| self.header.section(kind).map_or(0, crate::header::Section::length);
+        let length = |kind| {
+            self.header
+                .section(kind)
+                .map_or(0, crate::header::Section::length)
+        };
         let index = length(SectionKind::Directory)
             .saturating_add(length(SectionKind::Charts))
             .saturating_add(length(SectionKind::IndexBlocks));
@@ -133,8 +142,17 @@ impl Document {
         let normals = normals.saturating_add(self.base_parts.normals);
         let colour = colour.saturating_add(self.base_parts.colours);
         let total = self.header.file_length;
-        let header = [index, geometry, normals, colour].iter().fold(total, |rest, &part| rest.saturating_sub(part));
-        BytesByPart { total, header, index, geometry, normals, colour }
+        let header = [index, geometry, normals, colour]
+            .iter()
+            .fold(total, |rest, &part| rest.saturating_sub(part));
+        BytesByPart {
+            total,
+            header,
+            index,
+            geometry,
+            normals,
+            colour,
+        }
     }
 
     /// Pages of the file.
@@ -159,7 +177,10 @@ impl Document {
 
     /// Where index block `block` lies in the file; empty when there is no such block.
     pub fn index_block_range(&self, block: u32) -> Range<u64> {
-        self.directory.blocks.get(at(block)).map_or(0..0, |record| record.range.clone())
+        self.directory
+            .blocks
+            .get(at(block))
+            .map_or(0..0, |record| record.range.clone())
     }
 
     /// Whether index block `block` was loaded.
@@ -182,16 +203,26 @@ impl Document {
     /// # Errors
     /// When the bytes do not match their checksum or do not decode.
     pub fn load_index_block(&mut self, block: u32, bytes: &[u8]) -> Result<(), Error> {
-        let missing = Error::NoSuch { what: "index block", number: block };
+        let missing = Error::NoSuch {
+            what: "index block",
+            number: block,
+        };
         let Some(record) = self.directory.blocks.get(at(block)) else {
             return Err(missing);
         };
         let expected = record.range.end.saturating_sub(record.range.start);
         check_exact("index block", expected, bytes)?;
-        check("index block", record.range.start, &self.content_id, bytes, record.checksum)?;
+        check(
+            "index block",
+            record.range.start,
+            &self.content_id,
+            bytes,
+            record.checksum,
+        )?;
         let next = self.directory.blocks.get(at(block).saturating_add(1));
         let pages = self.index_block_pages(block);
-        let roots = at(pages.start).min(self.resolutions.len())..at(pages.end).min(self.resolutions.len());
+        let roots =
+            at(pages.start).min(self.resolutions.len())..at(pages.end).min(self.resolutions.len());
         let place = BlockPlace {
             first_page: pages.start,
             page_count: pages.len(),
@@ -228,18 +259,26 @@ impl Document {
 
     /// The entry of `page`; `None` while its index block is not loaded, or beyond the last page.
     pub fn page(&self, page: PageId) -> Option<&PageEntry> {
-        self.block(self.index_block_of(page))?.entries.get(at(page.0 % BLOCK_PAGES))
+        self.block(self.index_block_of(page))?
+            .entries
+            .get(at(page.0 % BLOCK_PAGES))
     }
 
     /// All entries loaded so far, in page order.
     pub fn entries(&self) -> impl Iterator<Item = (PageId, &PageEntry)> {
-        (0..self.page_count()).map(PageId).filter_map(|page| Some((page, self.page(page)?)))
+        (0..self.page_count())
+            .map(PageId)
+            .filter_map(|page| Some((page, self.page(page)?)))
     }
 
     /// First of the four children of `page`; `None` without children or while its block is not loaded.
     pub fn first_child(&self, page: PageId) -> Option<PageId> {
         let first_children = &self.block(self.index_block_of(page))?.first_children;
-        first_children.get(at(page.0 % BLOCK_PAGES)).copied().flatten().map(PageId)
+        first_children
+            .get(at(page.0 % BLOCK_PAGES))
+            .copied()
+            .flatten()
+            .map(PageId)
     }
 
     /// The page of `node`, found from its chart's root; `None` where the tree or the loaded index ends before.
@@ -262,13 +301,22 @@ impl Document {
     pub fn parent(&self, page: PageId) -> Option<(PageId, Quadrant)> {
         let quadrant = self.quadrant(page)?;
         let first = page.0.checked_sub(u32::from(quadrant.0))?;
-        let block = self.directory.blocks.partition_point(|block| block.first_child <= first).checked_sub(1)?;
+        let block = self
+            .directory
+            .blocks
+            .partition_point(|block| block.first_child <= first)
+            .checked_sub(1)?;
         let block = u32::try_from(block).ok()?;
         // Children follow their parents' order, and a page without children repeats nobody's first child.
         let first_children = &self.block(block)?.first_children;
-        let place = first_children.iter().position(|&child| child == Some(first))?;
+        let place = first_children
+            .iter()
+            .position(|&child| child == Some(first))?;
         let place = u32::try_from(place).ok()?;
-        Some((PageId(block.checked_mul(BLOCK_PAGES)?.checked_add(place)?), quadrant))
+        Some((
+            PageId(block.checked_mul(BLOCK_PAGES)?.checked_add(place)?),
+            quadrant,
+        ))
     }
 
     /// Which quadrant of its parent `page` is; `None` for a root and beyond the last page.
@@ -285,7 +333,8 @@ impl Document {
             quadrants.push(quadrant);
             root = self.parent(root)?.0;
         }
-        if root.0 >= self.chart_count() || quadrants.len() > usize::from(crate::quadtree::MAX_LEVEL) {
+        if root.0 >= self.chart_count() || quadrants.len() > usize::from(crate::quadtree::MAX_LEVEL)
+        {
             return None;
         }
         let node = NodeId::root(ChartId(root.0));
@@ -313,7 +362,9 @@ impl Document {
         pages.dedup();
         let mut runs: Vec<(Range<u64>, Vec<PageId>)> = Vec::new();
         for page in pages {
-            let Some(range) = self.page_range(page) else { continue };
+            let Some(range) = self.page_range(page) else {
+                continue;
+            };
             match runs.last_mut() {
                 Some((run, members)) if range.start.saturating_sub(run.end) <= gap_bytes => {
                     run.end = range.end;
@@ -326,7 +377,10 @@ impl Document {
     }
 
     fn coding(&self) -> Coding {
-        Coding { shift: self.metadata.lattice.shift, has_colours: self.metadata.has_colours }
+        Coding {
+            shift: self.metadata.lattice.shift,
+            has_colours: self.metadata.has_colours,
+        }
     }
 
     /// Refuses bytes that are not those of `page`.
@@ -335,14 +389,24 @@ impl Document {
     /// When their length or checksum is another, or the page's index block is not loaded.
     pub fn check_page(&self, page: PageId, bytes: &[u8]) -> Result<(), Error> {
         if page.0 >= self.page_count() {
-            return Err(Error::NoSuch { what: "page", number: page.0 });
+            return Err(Error::NoSuch {
+                what: "page",
+                number: page.0,
+            });
         }
-        let entry = self.page(page).ok_or(Error::IndexNotLoaded { block: self.index_block_of(page) })?;
+        let entry = self.page(page).ok_or(Error::IndexNotLoaded {
+            block: self.index_block_of(page),
+        })?;
         check_exact("page", u64::from(entry.length), bytes)?;
         let computed = checksum(&self.content_id, bytes) & u64::from(u32::MAX);
         let stored = u64::from(entry.checksum);
         if computed != stored {
-            return Err(Error::Checksum { what: "page", offset: entry.offset, stored, computed });
+            return Err(Error::Checksum {
+                what: "page",
+                offset: entry.offset,
+                stored,
+                computed,
+            });
         }
         Ok(())
     }
@@ -353,8 +417,12 @@ impl Document {
     /// # Errors
     /// When the bytes do not match their checksum or do not decode to the exact size.
     pub fn decode_root(&self, chart: ChartId, bytes: &[u8]) -> Result<PageSamples, Error> {
-        let missing = Error::NoSuch { what: "chart", number: chart.0 };
-        let (Some(info), Some(base)) = (self.charts.get(at(chart.0)), self.base.get(at(chart.0))) else {
+        let missing = Error::NoSuch {
+            what: "chart",
+            number: chart.0,
+        };
+        let (Some(info), Some(base)) = (self.charts.get(at(chart.0)), self.base.get(at(chart.0)))
+        else {
             return Err(missing);
         };
         if info.resolution > base.resolution {
@@ -375,13 +443,23 @@ impl Document {
         bytes: &[u8],
     ) -> Result<PageSamples, Error> {
         self.check_page(page, bytes)?;
-        let expected = self.quadrant(page).ok_or(Error::NoSuch { what: "page below a root", number: page.0 })?;
+        let expected = self.quadrant(page).ok_or(Error::NoSuch {
+            what: "page below a root",
+            number: page.0,
+        })?;
         if expected != quadrant {
             let (expected, found) = (u64::from(expected.0), u64::from(quadrant.0));
-            return Err(Error::Mismatch { what: "quadrant of a page", expected, found });
+            return Err(Error::Mismatch {
+                what: "quadrant of a page",
+                expected,
+                found,
+            });
         }
         let decoded = page::decode_child(self.coding(), quadrant, parent, bytes);
-        decoded.unwrap_or(Err(Error::WrongParent { page: page.0, resolution: parent.resolution }))
+        decoded.unwrap_or(Err(Error::WrongParent {
+            page: page.0,
+            resolution: parent.resolution,
+        }))
     }
 }
 
@@ -392,16 +470,32 @@ fn at(number: u32) -> usize {
 fn check_exact(what: &'static str, expected: u64, bytes: &[u8]) -> Result<(), Error> {
     let found = bytes.len() as u64;
     match found.cmp(&expected) {
-        std::cmp::Ordering::Less => Err(Error::Truncated { what, expected, found }),
+        std::cmp::Ordering::Less => Err(Error::Truncated {
+            what,
+            expected,
+            found,
+        }),
         std::cmp::Ordering::Equal => Ok(()),
-        std::cmp::Ordering::Greater => Err(Error::TrailingBytes { what, expected, found }),
+        std::cmp::Ordering::Greater => Err(Error::TrailingBytes {
+            what,
+            expected,
+            found,
+        }),
     }
 }
 
 fn check_length(expected: u64, found: u64) -> Result<(), Error> {
     match found.cmp(&expected) {
-        std::cmp::Ordering::Less => Err(Error::Truncated { what: "file", expected, found }),
+        std::cmp::Ordering::Less => Err(Error::Truncated {
+            what: "file",
+            expected,
+            found,
+        }),
         std::cmp::Ordering::Equal => Ok(()),
-        std::cmp::Ordering::Greater => Err(Error::TrailingBytes { what: "file", expected, found }),
+        std::cmp::Ordering::Greater => Err(Error::TrailingBytes {
+            what: "file",
+            expected,
+            found,
+        }),
     }
 }

@@ -34,7 +34,13 @@ pub enum Step {
 impl Opening {
     /// Starts; the first read is bytes `0..min(FIRST_READ_BYTES, length)`; a shorter answer means a short file.
     pub fn new(limits: Limits) -> (Self, Range<u64>) {
-        (Self { limits, first: None }, 0..FIRST_READ_BYTES)
+        (
+            Self {
+                limits,
+                first: None,
+            },
+            0..FIRST_READ_BYTES,
+        )
     }
 
     /// Length of the whole file, once the first read has come.
@@ -54,25 +60,47 @@ impl Opening {
                 check_limits(&header, &self.limits)?;
                 let expected = header.file_length.min(FIRST_READ_BYTES);
                 if found < expected {
-                    return Err(Error::Truncated { what: "file", expected, found });
+                    return Err(Error::Truncated {
+                        what: "file",
+                        expected,
+                        found,
+                    });
                 }
                 if found > header.file_length {
-                    return Err(Error::TrailingBytes { what: "file", expected: header.file_length, found });
+                    return Err(Error::TrailingBytes {
+                        what: "file",
+                        expected: header.file_length,
+                        found,
+                    });
                 }
                 if found < header.front_length {
                     let need = found..header.front_length;
                     let first = Some((header, bytes.to_vec()));
-                    return Ok(Step::Need(Self { limits: self.limits, first }, need));
+                    return Ok(Step::Need(
+                        Self {
+                            limits: self.limits,
+                            first,
+                        },
+                        need,
+                    ));
                 }
                 (header, bytes.to_vec())
             }
             Some((header, mut front)) => {
                 let expected = header.front_length.saturating_sub(front.len() as u64);
                 if found < expected {
-                    return Err(Error::Truncated { what: "front", expected, found });
+                    return Err(Error::Truncated {
+                        what: "front",
+                        expected,
+                        found,
+                    });
                 }
                 if found > expected {
-                    return Err(Error::TrailingBytes { what: "front", expected, found });
+                    return Err(Error::TrailingBytes {
+                        what: "front",
+                        expected,
+                        found,
+                    });
                 }
                 front.extend_from_slice(bytes);
                 (header, front)
@@ -93,7 +121,11 @@ fn check_limits(header: &Header, limits: &Limits) -> Result<(), Error> {
             continue;
         };
         if section.length() > limit {
-            return Err(Error::Limit { what: "bytes of a section", limit, found: section.length() });
+            return Err(Error::Limit {
+                what: "bytes of a section",
+                limit,
+                found: section.length(),
+            });
         }
     }
     Ok(())
@@ -109,7 +141,11 @@ fn section_bytes<'a>(
     let Range { start, end } = section.range;
     let bounds = usize::try_from(start).ok().zip(usize::try_from(end).ok());
     let Some(bytes) = bounds.and_then(|(start, end)| front.get(start..end)) else {
-        return Err(Error::Truncated { what, expected: end, found: front.len() as u64 });
+        return Err(Error::Truncated {
+            what,
+            expected: end,
+            found: front.len() as u64,
+        });
     };
     check(what, start, &header.content_id, bytes, section.checksum)?;
     Ok(bytes)
@@ -117,7 +153,11 @@ fn section_bytes<'a>(
 
 fn document_of(header: Header, front: &[u8], limits: Limits) -> Result<Document, Error> {
     let atlas = SectionKind::Base as u32;
-    for section in header.sections.iter().filter(|section| section.range.end <= header.front_length) {
+    for section in header
+        .sections
+        .iter()
+        .filter(|section| section.range.end <= header.front_length)
+    {
         if section.kind > atlas {
             section_bytes("an additional section", &header, section, front)?;
         }
@@ -133,13 +173,31 @@ fn document_of(header: Header, front: &[u8], limits: Limits) -> Result<Document,
         &limits,
     )?;
     let resolutions: Vec<u8> = charts.iter().map(|chart| chart.resolution).collect();
-    let decoded = (base_count(&resolutions, base_resolution) as u64).saturating_mul(BASE_SAMPLE_BYTES);
+    let decoded =
+        (base_count(&resolutions, base_resolution) as u64).saturating_mul(BASE_SAMPLE_BYTES);
     if decoded > limits.section_bytes {
-        return Err(Error::Limit { what: "base", limit: limits.section_bytes, found: decoded });
+        return Err(Error::Limit {
+            what: "base",
+            limit: limits.section_bytes,
+            found: decoded,
+        });
     }
-    let coding = Coding { shift: metadata.lattice.shift, has_colours: metadata.has_colours };
+    let coding = Coding {
+        shift: metadata.lattice.shift,
+        has_colours: metadata.has_colours,
+    };
     let base_bytes = bytes("base", SectionKind::Base)?;
     let base = decode_base(coding, &resolutions, base_resolution, base_bytes)?;
     let base_parts = crate::codec::payload::parts("base", coding.has_colours, base_bytes)?;
-    Ok(Document::new(header, limits, directory, base_parts, metadata, charts, resolutions, base_resolution, base))
+    Ok(Document::new(
+        header,
+        limits,
+        directory,
+        base_parts,
+        metadata,
+        charts,
+        resolutions,
+        base_resolution,
+        base,
+    ))
 }

@@ -17,10 +17,13 @@ const CHUNK_BYTES: u64 = 1 << 23;
 pub(super) fn check_front(document: &Document) -> Tally {
     let mut tally = Tally::default();
     let bytes = document.front_bytes();
-    tally.check(bytes <= FIRST_IMAGE_BYTES || document.base_resolution == 0, || {
-        let k = document.base_resolution;
-        format!("the base at resolution {k} ends at byte {bytes}, past {FIRST_IMAGE_BYTES}")
-    });
+    tally.check(
+        bytes <= FIRST_IMAGE_BYTES || document.base_resolution == 0,
+        || {
+            let k = document.base_resolution;
+            format!("the base at resolution {k} ends at byte {bytes}, past {FIRST_IMAGE_BYTES}")
+        },
+    );
     tally
 }
 
@@ -43,15 +46,25 @@ pub(super) fn check_sections(document: &Document, source: &dyn ByteSource) -> Ta
     let mut tally = Tally::default();
     for (index, section) in document.header().sections.iter().enumerate() {
         let mut hasher = Xxh3::with_seed(seed(&document.content_id));
-        let computed = for_each_chunk(source, section.range.clone(), |chunk| hasher.update(chunk)).and_then(|()| {
-            let (stored, computed) = (section.checksum, hasher.digest());
-            if stored == computed {
-                return Ok(());
-            }
-            Err(Error::Checksum { what: "section", offset: section.range.start, stored, computed })
-        });
+        let computed = for_each_chunk(source, section.range.clone(), |chunk| hasher.update(chunk))
+            .and_then(|()| {
+                let (stored, computed) = (section.checksum, hasher.digest());
+                if stored == computed {
+                    return Ok(());
+                }
+                Err(Error::Checksum {
+                    what: "section",
+                    offset: section.range.start,
+                    stored,
+                    computed,
+                })
+            });
         tally.check(computed.is_ok(), || {
-            format!("section {index} (type {}): {}", section.kind, in_words(computed))
+            format!(
+                "section {index} (type {}): {}",
+                section.kind,
+                in_words(computed)
+            )
         });
     }
     tally
@@ -71,13 +84,22 @@ pub(super) fn check_content_id(document: &Document, source: &dyn ByteSource) -> 
 
 fn compute_content_id(document: &Document, source: &dyn ByteSource) -> Result<[u8; 16], Error> {
     let mut hasher = blake3::Hasher::new();
-    let range = |kind| document.header().section(kind).map(|section| section.range.clone());
+    let range = |kind| {
+        document
+            .header()
+            .section(kind)
+            .map(|section| section.range.clone())
+    };
     let mut add = |range: Range<u64>| {
         for_each_chunk(source, range, |chunk| {
             hasher.update(chunk);
         })
     };
-    for kind in [SectionKind::Metadata, SectionKind::Charts, SectionKind::Base] {
+    for kind in [
+        SectionKind::Metadata,
+        SectionKind::Charts,
+        SectionKind::Base,
+    ] {
         add(range(kind)?)?;
     }
     for block in 0..document.index_block_count() {

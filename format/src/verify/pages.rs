@@ -6,7 +6,8 @@ use crate::parallel::map_ordered;
 use crate::quadtree::MAX_LEVEL;
 use crate::rules::{Border, Tally, Topology, smallest_cosine};
 use crate::{
-    Bounds, ByteSource, ChartId, Document, Error, LatticePoint, NodeId, PageEntry, PageId, PageSamples, Quadrant,
+    Bounds, ByteSource, ChartId, Document, Error, LatticePoint, NodeId, PageEntry, PageId,
+    PageSamples, Quadrant,
 };
 
 /// Cones may miss the true cosine by the rounding of `f32` axes.
@@ -23,7 +24,11 @@ pub(super) fn check(document: &Document, source: &dyn ByteSource, report: &mut R
     let bytes = PageBytes::new(document, source);
     let charts: Vec<ChartId> = (0..document.chart_count()).map(ChartId).collect();
     let walks = map_ordered(&charts, |&chart| {
-        let mut walk = Walk { document, bytes: &bytes, found: Found::default() };
+        let mut walk = Walk {
+            document,
+            bytes: &bytes,
+            found: Found::default(),
+        };
         walk.root(chart);
         walk.found
     });
@@ -44,7 +49,9 @@ pub(super) fn check(document: &Document, source: &dyn ByteSource, report: &mut R
     report.add("shared borders bit-equal", topology.check_borders(&borders));
     report.add("balance across borders", topology.check_balance());
     let mut errors = topology.check_errors(|page| {
-        document.page(PageId(page)).map_or(&[], |entry| entry.errors.as_slice())
+        document
+            .page(PageId(page))
+            .map_or(&[], |entry| entry.errors.as_slice())
     });
     check_base_errors(document, &mut errors);
     report.add("errors monotone up the tree", errors);
@@ -61,16 +68,25 @@ fn topology_of(document: &Document) -> (Topology, Tally) {
     let mut tally = Tally::default();
     let mut topology = Topology {
         glue: document.charts.iter().map(|chart| chart.glue).collect(),
-        nodes: (0..document.chart_count()).map(|chart| NodeId::root(ChartId(chart))).collect(),
+        nodes: (0..document.chart_count())
+            .map(|chart| NodeId::root(ChartId(chart)))
+            .collect(),
         ..Topology::default()
     };
     let mut level = 0;
     for page in 0..document.page_count() {
-        let (Some(&node), Some(entry)) = (topology.nodes.get(at(page)), document.page(PageId(page))) else {
+        let (Some(&node), Some(entry)) =
+            (topology.nodes.get(at(page)), document.page(PageId(page)))
+        else {
             tally.check(false, || format!("page {page} is no page's child"));
             break;
         };
-        tally.check(node.level >= level, || format!("page {page} of level {} comes after level {level}", node.level));
+        tally.check(node.level >= level, || {
+            format!(
+                "page {page} of level {} comes after level {level}",
+                node.level
+            )
+        });
         level = node.level;
         let first_child = document.first_child(PageId(page));
         tally.check(first_child.is_none() || node.level < MAX_LEVEL, || {
@@ -81,7 +97,9 @@ fn topology_of(document: &Document) -> (Topology, Tally) {
                 format!("the children of page {page} are not where its place in the order says")
             });
             if node.level < MAX_LEVEL {
-                topology.nodes.extend((0..4).map(|quadrant| node.child(Quadrant(quadrant))));
+                topology
+                    .nodes
+                    .extend((0..4).map(|quadrant| node.child(Quadrant(quadrant))));
             }
         }
         topology.first_children.push(first_child.map(|page| page.0));
@@ -93,8 +111,12 @@ fn topology_of(document: &Document) -> (Topology, Tally) {
 /// The errors in the front are those of the index.
 fn check_base_errors(document: &Document, tally: &mut Tally) {
     for (page, chart) in (0u32..).zip(&document.charts) {
-        let equal = document.page(PageId(page)).is_some_and(|entry| entry.errors.starts_with(&chart.base_errors));
-        tally.check(equal, || format!("the front and the index state other errors for chart {page}"));
+        let equal = document
+            .page(PageId(page))
+            .is_some_and(|entry| entry.errors.starts_with(&chart.base_errors));
+        tally.check(equal, || {
+            format!("the front and the index state other errors for chart {page}")
+        });
     }
 }
 
@@ -110,7 +132,12 @@ impl<'a> PageBytes<'a> {
         let section = document.header().section(SectionKind::Pages).ok();
         let section = section.filter(|section| section.length() <= WHOLE_READ_BYTES);
         // A source that cannot give them all at once is asked page by page, and each failure reported.
-        let whole = section.and_then(|section| Some((section.range.start, source.read(section.range.clone()).ok()?)));
+        let whole = section.and_then(|section| {
+            Some((
+                section.range.start,
+                source.read(section.range.clone()).ok()?,
+            ))
+        });
         Self { source, whole }
     }
 
@@ -121,7 +148,9 @@ impl<'a> PageBytes<'a> {
                 return Ok(page.to_vec());
             }
         }
-        Ok(self.source.read(entry.offset..entry.offset.saturating_add(u64::from(entry.length)))?)
+        Ok(self
+            .source
+            .read(entry.offset..entry.offset.saturating_add(u64::from(entry.length)))?)
     }
 }
 
@@ -144,54 +173,86 @@ struct Walk<'a> {
 impl Walk<'_> {
     fn root(&mut self, chart: ChartId) {
         let page = PageId(chart.0);
-        let Some(entry) = self.document.page(page) else { return };
+        let Some(entry) = self.document.page(page) else {
+            return;
+        };
         let samples = self.bytes.page(entry).and_then(|bytes| {
             // The base may hold all of a chart; its empty page must still be sound.
             self.document.check_page(page, &bytes)?;
             self.document.decode_root(chart, &bytes)
         });
-        self.take(page, samples);
+        self.take(page, &samples);
     }
 
     // Recursion is as deep as the tree, at most MAX_LEVEL.
-    fn take(&mut self, page: PageId, samples: Result<PageSamples, Error>) {
-        let failure = || samples.as_ref().err().map_or_else(String::new, |error| format!("page {}: {error}", page.0));
+    fn take(&mut self, page: PageId, samples: &Result<PageSamples, Error>) {
+        let failure = || {
+            samples
+                .as_ref()
+                .err()
+                .map_or_else(String::new, |error| format!("page {}: {error}", page.0))
+        };
         self.found.decoded.check(samples.is_ok(), failure);
-        let (Ok(samples), Some(entry)) = (&samples, self.document.page(page)) else { return };
+        let (Ok(samples), Some(entry)) = (samples, self.document.page(page)) else {
+            return;
+        };
         self.found.borders.push((page, Border::new(samples)));
         self.check_bounds(page, entry, samples);
         let smallest = smallest_cosine(samples, entry.cone.axis);
-        let inside = smallest.is_none_or(|smallest| smallest >= f64::from(entry.cone.cos) - COSINE_TOLERANCE);
+        let inside = smallest
+            .is_none_or(|smallest| smallest >= f64::from(entry.cone.cos) - COSINE_TOLERANCE);
         self.found.cones.check(inside, || {
-            format!("page {}: a normal at cosine {smallest:?} is outside the cone of cosine {}", page.0, entry.cone.cos)
+            format!(
+                "page {}: a normal at cosine {smallest:?} is outside the cone of cosine {}",
+                page.0, entry.cone.cos
+            )
         });
-        let Some(first) = self.document.first_child(page) else { return };
+        let Some(first) = self.document.first_child(page) else {
+            return;
+        };
         for quadrant in 0..4 {
             let child = PageId(first.0.saturating_add(u32::from(quadrant)));
-            let Some(entry) = self.document.page(child) else { continue };
-            let decoded = self
-                .bytes
-                .page(entry)
-                .and_then(|bytes| self.document.decode_child(child, Quadrant(quadrant), samples, &bytes));
-            self.take(child, decoded);
+            let Some(entry) = self.document.page(child) else {
+                continue;
+            };
+            let decoded = self.bytes.page(entry).and_then(|bytes| {
+                self.document
+                    .decode_child(child, Quadrant(quadrant), samples, &bytes)
+            });
+            self.take(child, &decoded);
         }
     }
 
     fn check_bounds(&mut self, page: PageId, entry: &PageEntry, samples: &PageSamples) {
-        let outside = samples.positions.iter().find(|point| !contains(&entry.bounds, point));
+        let outside = samples
+            .positions
+            .iter()
+            .find(|point| !contains(&entry.bounds, point));
         self.found.bounds.check(outside.is_none(), || {
-            format!("page {}: sample {outside:?} is outside {:?}", page.0, entry.bounds)
+            format!(
+                "page {}: sample {outside:?} is outside {:?}",
+                page.0, entry.bounds
+            )
         });
-        let Some(first) = self.document.first_child(page) else { return };
+        let Some(first) = self.document.first_child(page) else {
+            return;
+        };
         for child in first.0..first.0.saturating_add(4) {
             let inside = self.document.page(PageId(child)).is_some_and(|child| {
-                contains(&entry.bounds, &child.bounds.min) && contains(&entry.bounds, &child.bounds.max)
+                contains(&entry.bounds, &child.bounds.min)
+                    && contains(&entry.bounds, &child.bounds.max)
             });
-            self.found.bounds.check(inside, || format!("the bounds of page {child} leave those of its parent {}", page.0));
+            self.found.bounds.check(inside, || {
+                format!(
+                    "the bounds of page {child} leave those of its parent {}",
+                    page.0
+                )
+            });
         }
     }
 }
 
 fn contains(bounds: &Bounds, point: &LatticePoint) -> bool {
-    bounds.min.iter().zip(point).all(|(min, c)| min <= c) && bounds.max.iter().zip(point).all(|(max, c)| c <= max)
+    bounds.min.iter().zip(point).all(|(min, c)| min <= c)
+        && bounds.max.iter().zip(point).all(|(max, c)| c <= max)
 }

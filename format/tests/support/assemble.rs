@@ -1,5 +1,9 @@
 //! Files taken apart and put together again, with right checksums and one thing wrong.
-#![allow(dead_code, unreachable_pub, reason = "every test binary uses a part of this")]
+#![allow(
+    dead_code,
+    unreachable_pub,
+    reason = "every test binary uses a part of this"
+)]
 
 use marquetry_format::header::{HEADER_BYTES, Header, SECTION_ENTRY_BYTES};
 use xxhash_rust::xxh3::xxh3_64_with_seed;
@@ -18,7 +22,7 @@ pub struct Parts {
     pub major: u16,
     pub flags: u32,
     pub content_id: [u8; 16],
-    pub parts: Vec<Part>,
+    pub sections: Vec<Part>,
 }
 
 impl Parts {
@@ -29,23 +33,36 @@ impl Parts {
             flags: section.flags,
             body: file[section.range.start as usize..section.range.end as usize].to_vec(),
         });
-        Self { major: 1, flags: 0, content_id: header.content_id, parts: parts.collect() }
+        Self {
+            major: 1,
+            flags: 0,
+            content_id: header.content_id,
+            sections: parts.collect(),
+        }
     }
 
     pub fn body(&mut self, kind: u32) -> &mut Vec<u8> {
-        &mut self.parts.iter_mut().find(|part| part.kind == kind).unwrap().body
+        &mut self
+            .sections
+            .iter_mut()
+            .find(|part| part.kind == kind)
+            .unwrap()
+            .body
     }
 
     pub fn checksum(&self, bytes: &[u8]) -> u64 {
-        xxh3_64_with_seed(bytes, u64::from_le_bytes(self.content_id[..8].try_into().unwrap()))
+        xxh3_64_with_seed(
+            bytes,
+            u64::from_le_bytes(self.content_id[..8].try_into().unwrap()),
+        )
     }
 
     /// The file, after `damage` was done to the section table.
     pub fn file_with(&self, damage: impl FnOnce(&mut Vec<u8>)) -> Vec<u8> {
-        let mut end = HEADER_BYTES + SECTION_ENTRY_BYTES * self.parts.len() as u64;
+        let mut end = HEADER_BYTES + SECTION_ENTRY_BYTES * self.sections.len() as u64;
         let mut front = end;
         let mut table = Vec::new();
-        for Part { kind, flags, body } in &self.parts {
+        for Part { kind, flags, body } in &self.sections {
             table.extend(kind.to_le_bytes());
             table.extend(flags.to_le_bytes());
             table.extend(end.to_le_bytes());
@@ -68,7 +85,7 @@ impl Parts {
         file.extend(0u32.to_le_bytes());
         file.extend(self.checksum(&[&file[..], &table].concat()).to_le_bytes());
         file.extend(table);
-        file.extend(self.parts.iter().flat_map(|part| &part.body));
+        file.extend(self.sections.iter().flat_map(|part| &part.body));
         file
     }
 

@@ -1,5 +1,11 @@
 //! Small atlases made from formulas.
-#![allow(dead_code, unreachable_pub, reason = "every test binary uses a part of this")]
+#![allow(
+    dead_code,
+    unreachable_pub,
+    clippy::unnecessary_wraps,
+    clippy::manual_midpoint,
+    reason = "every test binary uses a part of this"
+)]
 
 pub mod assemble;
 
@@ -27,7 +33,11 @@ pub struct Model<'a> {
 
 impl Model<'_> {
     pub fn lattice(&self) -> Lattice {
-        Lattice { origin: [-1.0, -1.0, -1.0], step: 2.0 / LAST, shift: self.shift }
+        Lattice {
+            origin: [-1.0, -1.0, -1.0],
+            step: 2.0 / LAST,
+            shift: self.shift,
+        }
     }
 
     pub fn metadata(&self) -> Metadata {
@@ -58,8 +68,15 @@ impl Model<'_> {
 
     fn node(&self, id: NodeId) -> NodeInput {
         let chart = id.chart.0 as usize;
-        let resolution = if id.level == 0 { (self.resolution)(chart) } else { 5 };
-        let mut samples = PageSamples { resolution, ..PageSamples::default() };
+        let resolution = if id.level == 0 {
+            (self.resolution)(chart)
+        } else {
+            5
+        };
+        let mut samples = PageSamples {
+            resolution,
+            ..PageSamples::default()
+        };
         let cells = f64::from(1u32 << resolution);
         let nodes = f64::from(1u32 << id.level);
         for j in 0..samples.side() {
@@ -69,7 +86,8 @@ impl Model<'_> {
                 let (point, normal, colour) = (self.surface)(chart, u, v);
                 samples.positions.push(point.map(|c| {
                     let unit = f64::from(1u32 << self.shift);
-                    (((c * LAST / unit).round() * unit) as u32).min(((1 << 21) - 1) >> self.shift << self.shift)
+                    (((c * LAST / unit).round() * unit) as u32)
+                        .min(((1 << 21) - 1) >> self.shift << self.shift)
                 }));
                 samples.normals.push(octahedral::encode(normal));
                 if self.has_colours {
@@ -78,25 +96,45 @@ impl Model<'_> {
             }
         }
         let error = |r: u8| 5e5 / 4f32.powi(i32::from(id.level + r));
-        let errors = if id.level == 0 { (0..=resolution).map(error).collect() } else { vec![error(5)] };
-        let (_, axis, _) =
-            (self.surface)(chart, (f64::from(id.x) + 0.5) / nodes, (f64::from(id.y) + 0.5) / nodes);
-        let children = (self.split)(id)
-            .then(|| Box::new([0, 1, 2, 3].map(|quadrant| self.node(id.child(Quadrant(quadrant))))));
-        NodeInput { samples, errors, cone: NormalCone { axis, cos: 0.9 }, children }
+        let errors = if id.level == 0 {
+            (0..=resolution).map(error).collect()
+        } else {
+            vec![error(5)]
+        };
+        let (_, axis, _) = (self.surface)(
+            chart,
+            (f64::from(id.x) + 0.5) / nodes,
+            (f64::from(id.y) + 0.5) / nodes,
+        );
+        let children = (self.split)(id).then(|| {
+            Box::new([0, 1, 2, 3].map(|quadrant| self.node(id.child(Quadrant(quadrant)))))
+        });
+        NodeInput {
+            samples,
+            errors,
+            cone: NormalCone { axis, cos: 0.9 },
+            children,
+        }
     }
 
     pub fn write(&self) -> Result<Vec<u8>, Error> {
         let mut out = Vec::new();
         let parts = write_atlas(&self.metadata(), &self.lattice(), &self.charts(), &mut out)?;
         assert_eq!(parts.total, out.len() as u64);
-        assert_eq!(parts.total, parts.header + parts.index + parts.geometry + parts.normals + parts.colour);
+        assert_eq!(
+            parts.total,
+            parts.header + parts.index + parts.geometry + parts.normals + parts.colour
+        );
         Ok(out)
     }
 }
 
 pub fn glued(chart: u32, side: u8, reversed: bool) -> Option<Glue> {
-    Some(Glue { chart: ChartId(chart), side: Side(side), reversed })
+    Some(Glue {
+        chart: ChartId(chart),
+        side: Side(side),
+        reversed,
+    })
 }
 
 pub fn never(_: NodeId) -> bool {
@@ -131,11 +169,18 @@ pub fn cube_glue() -> Vec<[Option<Glue>; 4]> {
         .map(|chart| {
             let own = cube_corners(chart);
             [0, 1, 2, 3].map(|side| {
-                (0..6).flat_map(|other| (0..4).map(move |to| (other, to))).find_map(|(other, to)| {
-                    let theirs = cube_corners(other);
-                    let meets = own[side] == theirs[(to + 1) % 4] && own[(side + 1) % 4] == theirs[to];
-                    meets.then_some(Glue { chart: ChartId(other as u32), side: Side(to as u8), reversed: true })
-                })
+                (0..6)
+                    .flat_map(|other| (0..4).map(move |to| (other, to)))
+                    .find_map(|(other, to)| {
+                        let theirs = cube_corners(other);
+                        let meets =
+                            own[side] == theirs[(to + 1) % 4] && own[(side + 1) % 4] == theirs[to];
+                        meets.then_some(Glue {
+                            chart: ChartId(other as u32),
+                            side: Side(to as u8),
+                            reversed: true,
+                        })
+                    })
             })
         })
         .collect()
@@ -151,19 +196,35 @@ pub fn cube_sphere(chart: usize, u: f64, v: f64) -> Surface {
     });
     let n = normalized(p);
     let bump = 1.0 + 0.05 * (7.0 * n[0]).sin() * (5.0 * n[1] + 3.0 * n[2]).cos();
-    (n.map(|c| 0.5 + 0.45 * c * bump), n.map(|c| c as f32), coloured(n))
+    (
+        n.map(|c| 0.5 + 0.45 * c * bump),
+        n.map(|c| c as f32),
+        coloured(n),
+    )
 }
 
 /// One chart glued to itself on both pairs of sides.
 pub fn torus_glue() -> Vec<[Option<Glue>; 4]> {
-    vec![[glued(0, 2, true), glued(0, 3, true), glued(0, 0, true), glued(0, 1, true)]]
+    vec![[
+        glued(0, 2, true),
+        glued(0, 3, true),
+        glued(0, 0, true),
+        glued(0, 1, true),
+    ]]
 }
 
 pub fn torus(_: usize, u: f64, v: f64) -> Surface {
-    let (a, b) = (std::f64::consts::TAU * (u % 1.0), std::f64::consts::TAU * (v % 1.0));
+    let (a, b) = (
+        std::f64::consts::TAU * (u % 1.0),
+        std::f64::consts::TAU * (v % 1.0),
+    );
     let r = 0.3 + 0.12 * b.cos();
     let n = [b.cos() * a.cos(), b.cos() * a.sin(), b.sin()];
-    ([0.5 + r * a.cos(), 0.5 + r * a.sin(), 0.5 + 0.12 * b.sin()], n.map(|c| c as f32), coloured(n))
+    (
+        [0.5 + r * a.cos(), 0.5 + r * a.sin(), 0.5 + 0.12 * b.sin()],
+        n.map(|c| c as f32),
+        coloured(n),
+    )
 }
 
 /// One chart whose ends meet with a half twist: not reversed glue, two open sides.
@@ -177,12 +238,23 @@ pub fn moebius(_: usize, u: f64, v: f64) -> Surface {
     let w = 0.3 * (v - 0.5);
     let r = 0.3 + w * (a / 2.0).cos();
     // Not a normal, but equal at both ends, as a one-sided surface's cannot be.
-    ([0.5 + r * a.cos(), 0.5 + r * a.sin(), 0.5 + w * (a / 2.0).sin()], [0.0, 0.0, 1.0], [a as u8, 0, 99])
+    (
+        [
+            0.5 + r * a.cos(),
+            0.5 + r * a.sin(),
+            0.5 + w * (a / 2.0).sin(),
+        ],
+        [0.0, 0.0, 1.0],
+        [a as u8, 0, 99],
+    )
 }
 
 /// Two squares side by side, glued along one pair of sides, open elsewhere.
 pub fn strip_glue() -> Vec<[Option<Glue>; 4]> {
-    vec![[None, glued(1, 3, true), None, None], [None, None, None, glued(0, 1, true)]]
+    vec![
+        [None, glued(1, 3, true), None, None],
+        [None, None, None, glued(0, 1, true)],
+    ]
 }
 
 pub fn strip(chart: usize, u: f64, v: f64) -> Surface {
@@ -198,9 +270,9 @@ pub fn decode_all(document: &Document, source: &dyn ByteSource) -> Vec<PageSampl
         let bytes = source.read(document.page_range(page).unwrap()).unwrap();
         pages.push(match document.parent(page) {
             None => document.decode_root(ChartId(page.0), &bytes).unwrap(),
-            Some((parent, quadrant)) => {
-                document.decode_child(page, quadrant, &pages[parent.0 as usize], &bytes).unwrap()
-            }
+            Some((parent, quadrant)) => document
+                .decode_child(page, quadrant, &pages[parent.0 as usize], &bytes)
+                .unwrap(),
         });
     }
     pages

@@ -1,20 +1,22 @@
 //! A file being looked at: camera, cut, residency and streaming, without I/O and without a clock.
 //!
 //! An update does, in this order: decode what arrived (boundedly), plan (which cut, which pages), animate, and say what to
-//! fetch. Planning is skipped while nothing it depends on has changed. Where the wanted pages do not fit the cache, the
-//! target error of everything beyond the base is raised in steps until they do: it is a function of the view, not of history.
+//! fetch. Planning is skipped while nothing it depends on has changed.
+
+mod plan;
+mod stream;
 
 use crate::camera::{STANDARD_DISTANCE, View};
 use crate::controls::{Action, Controls};
 use crate::gpu_types::{DrawList, Frame, Instance};
 use crate::lod::animate::Drawn;
 use crate::lod::cut::Cut;
-use crate::lod::desire::{Forest, Target, Wanted, importance_px};
+use crate::lod::desire::{Forest, Wanted};
 use crate::lod::edge_morph::{morph_of, side_modes};
-use crate::lod::residency::{NeededPage, needed_pages, restrict};
+use crate::lod::residency::{NeededPage, restrict};
 use crate::options::{Shade, Transition};
 use crate::residency::fetch::{Delivery, Fetcher, Item};
-use crate::residency::page_table::{PageTable, bytes_of};
+use crate::residency::page_table::PageTable;
 use crate::residency::upload::{MAX_LAYERS, Upload};
 use crate::stats::{CacheStats, PageStats};
 use crate::{Camera, EngineError, InputEvent, Request, RequestId, Stats, ViewerOptions, Viewport};
@@ -26,11 +28,6 @@ use std::sync::atomic::{AtomicU64, Ordering};
 const REST_SECONDS: f64 = 0.25;
 /// Longest step of time that one update makes, seconds: after a stall morphs go on from where they were.
 const LONGEST_STEP: f64 = 0.1;
-/// Steps of the target error to a factor of two, where the cache is too small.
-const BUDGET_STEPS_PER_OCTAVE: f64 = 4.0;
-/// Beyond this step nothing but the base is wanted.
-const LAST_BUDGET_STEP: u32 = 120;
-
 /// Which pages may be fetched.
 pub type PageFilter = Box<dyn Fn(PageId) -> bool + Send + Sync>;
 
@@ -371,144 +368,6 @@ impl Viewer {
         view
     }
 
-    fn decode_arrived(&mut self) {
-        let mut left = self.options.pages_per_update;
-        for page in self.fetcher.arrived() {
-            let Some(needed) = self.needed_index.get(&page).and_then(|index| self.needed.get(*index)) else {
-                self.fetcher.forget(page);
-                continue;
-            };
-            let what = needed.what;
-            if left == 0 {
-                break;
-            }
-            if what.parent.is_some_and(|parent| !self.table.contains(parent)) {
-                continue;
-            }
-            let Some(entry) = self.document.page(page) else { continue };
-            let has_children = entry.has_children;
-            let bytes = bytes_of(entry.resolution, has_children, self.document.metadata.has_colours);
-            if !self.table.make_room(bytes, self.options.cache_bytes, &self.pinned) {
-                break;
-            }
-            left -= 1;
-            match self.decode(what) {
-                Ok(samples) => {
-                    if !self.table.insert(page, what.parent, samples, has_children) {
-                        break;
-                    }
-                    self.fetched += 1;
-                    self.fetcher.succeed(Item::Page(page));
-                    self.target_is_stale = true;
-                }
-                Err(reason) => self.fetcher.fail(self.clock, &[Item::Page(page)], &format!("page {}: {reason}", page.0)),
-            }
-            self.fetcher.forget(page);
-        }
-    }
-
-    fn decode(&self, what: NeededPage) -> Result<marquetry_format::PageSamples, String> {
-        let bytes = self.fetcher.bytes_of(what.page).unwrap_or(&[]);
-        let decoded = match (what.node.parent(), what.parent) {
-            (None, _) => self.document.decode_root(what.node.chart, bytes),
-            (Some((_, quadrant)), parent) => {
-                let samples = match parent {
-                    Some(parent) => self.table.samples(parent),
-                    None => crate::lod::mesh::base_of(&self.document, what.node.chart),
-                };
-                let samples = samples.ok_or("its parent is not in memory")?;
-                self.document.decode_child(what.page, quadrant, samples, bytes)
-            }
-        };
-        decoded.map_err(|error| error.to_string())
-    }
-
-    fn paged_error_px(&self, step: u32) -> f64 {
-        if step >= LAST_BUDGET_STEP {
-            return f64::INFINITY;
-        }
-        self.options.error_px * (f64::from(step) / BUDGET_STEPS_PER_OCTAVE).exp2()
-    }
-
-    /// Finds the finest cut whose pages fit the cache, and the pages it needs.
-    fn plan(&mut self, view: &View) {
-        self.plan_is_stale = false;
-        self.target_is_stale = true;
-        self.planned_resting = self.is_resting();
-        let previous = (!self.planned_resting).then(|| self.wanted.cut.clone());
-        let try_step = |viewer: &Self, step: u32| {
-            let target = Target {
-                view,
-                error_px: viewer.options.error_px,
-                paged_error_px: viewer.paged_error_px(step),
-                previous: previous.as_ref(),
-            };
-            let wanted = viewer.forest.want(&viewer.document, &target);
-            let needed = needed_pages(&wanted.cut, &viewer.document);
-            let fits = viewer.cache_bytes(&needed) <= viewer.options.cache_bytes || step >= LAST_BUDGET_STEP;
-            (fits, wanted, needed)
-        };
-        let mut best = try_step(self, self.budget_step);
-        while !best.0 {
-            self.budget_step += 1;
-            best = try_step(self, self.budget_step);
-        }
-        while let Some(finer) = self.budget_step.checked_sub(1) {
-            let attempt = try_step(self, finer);
-            if !attempt.0 {
-                break;
-            }
-            self.budget_step = finer;
-            best = attempt;
-        }
-        let (_, wanted, needed) = best;
-        self.wanted = wanted;
-        self.need(view, &needed);
-        self.pin();
-    }
-
-    fn cache_bytes(&self, needed: &[NeededPage]) -> u64 {
-        let has_colours = self.document.metadata.has_colours;
-        let entries = needed.iter().filter_map(|needed| self.document.page(needed.page));
-        entries.map(|entry| bytes_of(entry.resolution, entry.has_children, has_colours)).sum()
-    }
-
-    fn need(&mut self, view: &View, pages: &[NeededPage]) {
-        self.needed.clear();
-        self.needed_index.clear();
-        for what in pages {
-            let parent = what.parent.and_then(|parent| self.needed_index.get(&parent));
-            let parent_allowed = parent.and_then(|index| self.needed.get(*index)).is_none_or(|parent| parent.allowed);
-            let needed = Needed {
-                what: *what,
-                importance_px: self.importance_px(view, what),
-                allowed: parent_allowed && self.filter.as_ref().is_none_or(|filter| filter(what.page)),
-            };
-            self.needed_index.insert(what.page, self.needed.len());
-            self.needed.push(needed);
-        }
-    }
-
-    /// Screen-space error, pixels, of what is drawn while `what` is not there.
-    fn importance_px(&self, view: &View, what: &NeededPage) -> f64 {
-        let (node, resolution) = match what.node.parent() {
-            Some((parent, _)) => (parent, None),
-            None => (what.node, Some(usize::from(self.document.base_resolution))),
-        };
-        let page = self.document.page_of_node(node).and_then(|page| self.document.page(page));
-        let Some(entry) = page else { return 0.0 };
-        let error = resolution.and_then(|resolution| entry.errors.get(resolution)).or_else(|| entry.errors.last());
-        error.map_or(0.0, |error| importance_px(view, *error, &entry.bounds))
-    }
-
-    /// Pins the pages of the plan and of what is drawn, and marks them as used.
-    fn pin(&mut self) {
-        let drawn = needed_pages(&self.drawn.cut, &self.document);
-        self.pinned = self.needed.iter().map(|needed| needed.what.page).chain(drawn.iter().map(|d| d.page)).collect();
-        self.table.touch(drawn.iter().map(|needed| needed.page));
-        self.table.touch(self.needed.iter().map(|needed| needed.what.page));
-    }
-
     fn animate(&mut self, seconds: f64) {
         if self.drawn.is_at_rest(&self.target) {
             return;
@@ -546,13 +405,7 @@ impl Viewer {
         });
     }
 
-    fn schedule(&mut self) -> Vec<Request> {
-        let mut missing: Vec<&Needed> = self.missing().filter(|needed| needed.allowed).collect();
-        missing.sort_by(|a, b| {
-            b.importance_px.total_cmp(&a.importance_px).then_with(|| a.what.page.cmp(&b.what.page))
-        });
-        let pages: Vec<PageId> = missing.into_iter().map(|needed| needed.what.page).collect();
-        let limit = self.options.requests_in_flight;
-        self.fetcher.schedule(self.clock, limit, &self.document, &self.wanted.blocks, &pages)
-    }
 }
+
+#[cfg(test)]
+mod tests;

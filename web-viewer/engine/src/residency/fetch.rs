@@ -17,6 +17,8 @@ const RUN_BYTES: u64 = 256 * 1024;
 const FIRST_PAUSE: f64 = 0.25;
 /// Longest pause, seconds.
 const LONGEST_PAUSE: f64 = 8.0;
+/// Pages that may wait to be decoded before no more are asked for.
+const MOST_WAITING: usize = 1024;
 /// Failures kept in words.
 const FAILURES_KEPT: usize = 32;
 
@@ -111,7 +113,8 @@ impl Fetcher {
                 requests.extend(self.ask(RequestKind::IndexBlock(*block), range, [Item::Block(*block)].into_iter()));
             }
         }
-        if self.in_flight.len() >= limit {
+        self.forget_old_failures(blocks, pages);
+        if self.in_flight.len() >= limit || self.arrived.len() >= MOST_WAITING {
             return requests;
         }
         let mut open: BTreeSet<PageId> =
@@ -243,6 +246,22 @@ impl Fetcher {
     /// Bytes that came so far.
     pub fn received_bytes(&self) -> u64 {
         self.bytes
+    }
+
+    /// What is not wanted any more is not waited for either.
+    fn forget_old_failures(&mut self, blocks: &BTreeSet<u32>, pages: &[PageId]) {
+        if self.retries.is_empty() {
+            return;
+        }
+        let pages: BTreeSet<&PageId> = pages.iter().collect();
+        let pending = &self.pending;
+        self.retries.retain(|item, _| {
+            pending.contains(item)
+                || match item {
+                    Item::Block(block) => blocks.contains(block),
+                    Item::Page(page) => pages.contains(page),
+                }
+        });
     }
 
     fn may_ask(&self, now: f64, item: Item) -> bool {

@@ -1,0 +1,105 @@
+//! Which cut a view gets, and which pages that takes.
+//!
+//! Where the wanted pages do not fit the cache, the target error of everything beyond the base is raised, in steps of a
+//! quarter octave, until they do. The smallest step that fits is searched for, so it is a function of the view, not of
+//! history.
+
+use super::{Needed, Viewer};
+use crate::camera::View;
+use crate::lod::desire::{Target, importance_px};
+use crate::lod::residency::{NeededPage, needed_pages};
+use crate::residency::page_table::bytes_of;
+
+/// Steps of the target error to a factor of two.
+const BUDGET_STEPS_PER_OCTAVE: f64 = 4.0;
+/// Beyond this step nothing but the base is wanted.
+const LAST_BUDGET_STEP: u32 = 120;
+
+impl Viewer {
+    /// Screen-space error, pixels, that pages beyond the base are wanted for at a budget step.
+    pub(super) fn paged_error_px(&self, step: u32) -> f64 {
+        if step >= LAST_BUDGET_STEP {
+            return f64::INFINITY;
+        }
+        self.options.error_px * (f64::from(step) / BUDGET_STEPS_PER_OCTAVE).exp2()
+    }
+
+    /// Finds the finest cut whose pages fit the cache, and the pages it needs.
+    pub(super) fn plan(&mut self, view: &View) {
+        self.plan_is_stale = false;
+        self.target_is_stale = true;
+        self.planned_resting = self.is_resting();
+        let previous = (!self.planned_resting).then(|| self.wanted.cut.clone());
+        let try_step = |viewer: &Self, step: u32| {
+            let target = Target {
+                view,
+                error_px: viewer.options.error_px,
+                paged_error_px: viewer.paged_error_px(step),
+                previous: previous.as_ref(),
+            };
+            let wanted = viewer.forest.want(&viewer.document, &target);
+            let needed = needed_pages(&wanted.cut, &viewer.document);
+            let fits = viewer.cache_bytes(&needed) <= viewer.options.cache_bytes || step >= LAST_BUDGET_STEP;
+            (fits, wanted, needed)
+        };
+        let mut best = try_step(self, self.budget_step);
+        while !best.0 {
+            self.budget_step += 1;
+            best = try_step(self, self.budget_step);
+        }
+        while let Some(finer) = self.budget_step.checked_sub(1) {
+            let attempt = try_step(self, finer);
+            if !attempt.0 {
+                break;
+            }
+            self.budget_step = finer;
+            best = attempt;
+        }
+        let (_, wanted, needed) = best;
+        self.wanted = wanted;
+        self.need(view, &needed);
+        self.pin();
+    }
+
+    fn cache_bytes(&self, needed: &[NeededPage]) -> u64 {
+        let has_colours = self.document.metadata.has_colours;
+        let entries = needed.iter().filter_map(|needed| self.document.page(needed.page));
+        entries.map(|entry| bytes_of(entry.resolution, entry.has_children, has_colours)).sum()
+    }
+
+    fn need(&mut self, view: &View, pages: &[NeededPage]) {
+        self.needed.clear();
+        self.needed_index.clear();
+        for what in pages {
+            let parent = what.parent.and_then(|parent| self.needed_index.get(&parent));
+            let parent_allowed = parent.and_then(|index| self.needed.get(*index)).is_none_or(|parent| parent.allowed);
+            let needed = Needed {
+                what: *what,
+                importance_px: self.importance_px(view, what),
+                allowed: parent_allowed && self.filter.as_ref().is_none_or(|filter| filter(what.page)),
+            };
+            self.needed_index.insert(what.page, self.needed.len());
+            self.needed.push(needed);
+        }
+    }
+
+    /// Screen-space error, pixels, of what is drawn while `what` is not there.
+    fn importance_px(&self, view: &View, what: &NeededPage) -> f64 {
+        let (node, resolution) = match what.node.parent() {
+            Some((parent, _)) => (parent, None),
+            None => (what.node, Some(usize::from(self.document.base_resolution))),
+        };
+        let page = self.document.page_of_node(node).and_then(|page| self.document.page(page));
+        let Some(entry) = page else { return 0.0 };
+        let error = resolution.and_then(|resolution| entry.errors.get(resolution)).or_else(|| entry.errors.last());
+        error.map_or(0.0, |error| importance_px(view, *error, &entry.bounds))
+    }
+
+    /// Pins the pages of the plan and of what is drawn, and marks them as used.
+    pub(super) fn pin(&mut self) {
+        let drawn = needed_pages(&self.drawn.cut, &self.document);
+        self.pinned = self.needed.iter().map(|needed| needed.what.page).chain(drawn.iter().map(|d| d.page)).collect();
+        self.table.touch(drawn.iter().map(|needed| needed.page));
+        self.table.touch(self.needed.iter().map(|needed| needed.what.page));
+    }
+}

@@ -1,0 +1,251 @@
+//! Whole viewing sessions against a made-up network: late, out of order, corrupt, never.
+
+use super::*;
+use crate::lod::balance;
+use crate::lod::cut::{Across, SIDES};
+use crate::lod::residency::needed_pages;
+use crate::testing::{Random, Shape, random_finest};
+use glam::DVec3;
+use marquetry_format::Limits;
+
+const VIEWPORT: Viewport = Viewport { width: 800, height: 600 };
+
+/// A file, and requests that have not been answered yet.
+struct Network {
+    file: Vec<u8>,
+    open: Vec<Request>,
+    random: Random,
+    /// One in this many answers is an error, cut short, or has a flipped bit; 0 for none.
+    faulty_one_in: u32,
+}
+
+impl Network {
+    fn new(shape: Shape, seed: u64) -> Self {
+        let mut random = Random::new(seed);
+        let finest = random_finest(&mut random, &shape.charts(5), 3, 5);
+        Self { file: shape.write(&finest).unwrap(), open: Vec::new(), random, faulty_one_in: 0 }
+    }
+
+    fn viewer(&self, options: ViewerOptions) -> Viewer {
+        Viewer::new(Document::open(&self.file, Limits::default()).unwrap(), options).unwrap()
+    }
+
+    /// One frame: some requests are answered, in any order.
+    fn frame(&mut self, viewer: &mut Viewer, seconds: f64) {
+        self.open.extend(viewer.update(seconds, VIEWPORT));
+        for _ in 0..self.random.below(4) {
+            if self.open.is_empty() {
+                break;
+            }
+            let index = self.random.below(u32::try_from(self.open.len()).unwrap()) as usize;
+            let request = self.open.swap_remove(index);
+            let range = request.range.start as usize..request.range.end as usize;
+            let mut answer = Ok(self.file[range].to_vec());
+            if self.faulty_one_in > 0 && self.random.below(self.faulty_one_in) == 0 {
+                answer = self.spoil(answer);
+            }
+            viewer.deliver(request.id, answer);
+        }
+    }
+
+    fn spoil(&mut self, answer: Result<Vec<u8>, String>) -> Result<Vec<u8>, String> {
+        let mut bytes = answer?;
+        match self.random.below(3) {
+            0 => return Err("connection reset".to_owned()),
+            1 => bytes.truncate(bytes.len() / 2),
+            _ => {
+                let bit = self.random.below(u32::try_from(8 * bytes.len()).unwrap()) as usize;
+                bytes[bit / 8] ^= 1 << (bit % 8);
+            }
+        }
+        Ok(bytes)
+    }
+
+    fn settle(&mut self, viewer: &mut Viewer) {
+        for _ in 0..5000 {
+            self.frame(viewer, 0.05);
+            check(viewer);
+            if viewer.is_settled() {
+                return;
+            }
+        }
+        panic!("does not settle: {:?}", viewer.stats());
+    }
+}
+
+/// What holds in every frame, whatever is in memory.
+fn check(viewer: &Viewer) {
+    let stats = viewer.stats();
+    assert!(stats.cache.used_bytes <= stats.cache.capacity_bytes);
+    let drawn = viewer.drawn();
+    let charts = &viewer.document.charts;
+    assert!(balance::is_balanced(&drawn.cut, charts));
+    let view = viewer.view.unwrap();
+    let mut seen = 0;
+    for leaf in drawn.cut.leaves() {
+        let bounds = viewer.forest.bounds(&viewer.document, leaf.node).unwrap();
+        seen += u64::from(view.sees(&bounds));
+        if SIDES.iter().any(|side| drawn.cut.across(charts, leaf, *side) == Across::Finer) {
+            assert_eq!(morph_of(&drawn.morphs, leaf), 0.0);
+        }
+    }
+    // Every leaf that may be seen has samples: no hole.
+    assert_eq!(stats.nodes, seen);
+    for needed in needed_pages(&drawn.cut, &viewer.document) {
+        assert!(viewer.table.contains(needed.page));
+    }
+}
+
+fn random_camera(random: &mut Random, metadata: &marquetry_format::Metadata) -> Camera {
+    let point = |random: &mut Random, size: f64| DVec3::from_array([0; 3].map(|_| size * (2.0 * random.unit() - 1.0)));
+    let eye = point(random, 3.0);
+    let target = point(random, 0.5);
+    Camera { eye, target, ..Camera::standard(metadata, 0, 1.0).unwrap() }
+}
+
+#[test]
+fn settles_from_every_side_without_a_hole_and_within_budget() {
+    for (shape, seed) in [(Shape::Cube, 1), (Shape::Torus, 2), (Shape::Strip, 3)] {
+        let mut network = Network::new(shape, seed);
+        for cache_bytes in [0, 50_000, 400_000, 1 << 30] {
+            let mut viewer = network.viewer(ViewerOptions { cache_bytes, ..ViewerOptions::default() });
+            network.open.clear();
+            for index in [0, 4, 9, 25] {
+                viewer.set_camera(Camera::standard(&viewer.document.metadata, index, 1.6).unwrap());
+                network.settle(&mut viewer);
+            }
+            assert!(viewer.is_ready() && !viewer.needs_update());
+            assert_eq!(viewer.stats().pages.missing, 0);
+        }
+    }
+}
+
+#[test]
+fn settled_cut_depends_on_the_view_alone() {
+    let mut network = Network::new(Shape::Cube, 4);
+    for cache_bytes in [150_000, 1 << 30] {
+        let options = ViewerOptions { cache_bytes, ..ViewerOptions::default() };
+        let mut wanderer = network.viewer(options.clone());
+        for _ in 0..6 {
+            let camera = random_camera(&mut network.random, &wanderer.document.metadata);
+            wanderer.set_camera(camera);
+            network.open.clear();
+            network.settle(&mut wanderer);
+            let mut fresh = network.viewer(options.clone());
+            fresh.set_camera(camera);
+            let open = std::mem::take(&mut network.open);
+            network.settle(&mut fresh);
+            network.open = open;
+            assert_eq!(fresh.drawn().cut, wanderer.drawn().cut);
+        }
+    }
+}
+
+#[test]
+fn teleports_and_spins_never_show_a_hole() {
+    let mut network = Network::new(Shape::Cube, 5);
+    network.faulty_one_in = 5;
+    let mut viewer = network.viewer(ViewerOptions { cache_bytes: 300_000, ..ViewerOptions::default() });
+    for frame in 0..400 {
+        if frame % 7 == 0 {
+            let camera = random_camera(&mut network.random, &viewer.document.metadata);
+            viewer.set_camera(camera);
+        }
+        network.frame(&mut viewer, 0.016);
+        check(&viewer);
+    }
+    network.settle(&mut viewer);
+    assert!(viewer.stats().failures > 0 && viewer.stats().cache.evictions > 0);
+}
+
+#[test]
+fn faults_are_reported_and_overcome() {
+    let mut network = Network::new(Shape::Torus, 6);
+    network.faulty_one_in = 2;
+    let mut viewer = network.viewer(ViewerOptions::default());
+    network.settle(&mut viewer);
+    let words = viewer.take_failures();
+    assert!(!words.is_empty() && viewer.take_failures().is_empty());
+    let mut clean = network.viewer(ViewerOptions::default());
+    network.faulty_one_in = 0;
+    network.open.clear();
+    network.settle(&mut clean);
+    assert_eq!(viewer.drawn().cut, clean.drawn().cut);
+}
+
+#[test]
+fn pages_that_never_come_leave_the_coarser_picture() {
+    let mut network = Network::new(Shape::Cube, 7);
+    let mut viewer = network.viewer(ViewerOptions::default());
+    viewer.set_page_filter(Some(Box::new(|page| page.0 % 3 != 1)));
+    network.settle(&mut viewer);
+    assert!(viewer.stats().pages.missing > 0);
+    assert!(viewer.table.contains(PageId(0)) && !viewer.table.contains(PageId(1)));
+    let coarse = viewer.stats().triangles;
+    viewer.set_page_filter(None);
+    network.settle(&mut viewer);
+    assert_eq!(viewer.stats().pages.missing, 0);
+    assert!(viewer.stats().triangles > coarse);
+}
+
+#[test]
+fn camera_inside_the_model_is_drawn_to_the_finest() {
+    let mut network = Network::new(Shape::Cube, 8);
+    let mut viewer = network.viewer(ViewerOptions::default());
+    let surface = DVec3::new(0.0, 0.0, 0.8);
+    viewer.set_camera(Camera { eye: surface, target: DVec3::ZERO, up: DVec3::Y });
+    network.settle(&mut viewer);
+    check(&viewer);
+    assert!(viewer.stats().triangles > 0);
+}
+
+#[test]
+fn no_transition_changes_at_once() {
+    let mut network = Network::new(Shape::Cube, 9);
+    let mut viewer = network.viewer(ViewerOptions { transition: Transition::None, ..ViewerOptions::default() });
+    for _ in 0..200 {
+        network.frame(&mut viewer, 0.016);
+        assert!(viewer.drawn().morphs.is_empty() && viewer.drawn().cut == viewer.target);
+    }
+}
+
+#[test]
+fn nothing_is_done_while_nothing_changes() {
+    let mut network = Network::new(Shape::Cube, 10);
+    let mut viewer = network.viewer(ViewerOptions::default());
+    network.settle(&mut viewer);
+    viewer.mark_drawn();
+    for _ in 0..10 {
+        assert!(viewer.update(0.5, VIEWPORT).is_empty());
+        assert!(!viewer.needs_redraw() && !viewer.needs_update() && viewer.is_settled());
+    }
+    assert_eq!(viewer.progress(), 1.0);
+}
+
+#[test]
+fn cameras_and_times_that_are_not_finite_are_ignored() {
+    let mut network = Network::new(Shape::Cube, 11);
+    let mut viewer = network.viewer(ViewerOptions::default());
+    let before = viewer.camera();
+    viewer.set_camera(Camera { eye: DVec3::splat(f64::NAN), ..before });
+    viewer.set_camera(Camera { eye: before.target, ..before });
+    assert_eq!(viewer.camera(), before);
+    viewer.update(f64::NAN, VIEWPORT);
+    viewer.update(-1.0, Viewport::new(0, 0));
+    network.settle(&mut viewer);
+}
+
+#[test]
+fn options_outside_their_range_are_refused() {
+    let network = Network::new(Shape::Strip, 12);
+    let mut viewer = network.viewer(ViewerOptions::default());
+    for bad in [
+        ViewerOptions { error_px: 0.0, ..ViewerOptions::default() },
+        ViewerOptions { error_px: f64::NAN, ..ViewerOptions::default() },
+        ViewerOptions { morph_seconds: -1.0, ..ViewerOptions::default() },
+        ViewerOptions { pages_per_update: 0, ..ViewerOptions::default() },
+    ] {
+        assert!(viewer.set_options(bad).is_err());
+    }
+    assert_eq!(viewer.options(), &ViewerOptions::default());
+}

@@ -13,10 +13,17 @@ const run = promisify(execFile);
 /** Root of the project. */
 export const ROOT = resolve(dirname(fileURLToPath(import.meta.url)), "../..");
 
-/** WebGPU in software: the same on every machine, with or without a GPU. */
+/**
+ * WebGPU in software: the same on every machine, with or without a GPU. The compositor has to use the same software
+ * Vulkan, else a WebGPU canvas is drawn but stays blank.
+ */
 const CHROMIUM_FLAGS = [
   "--enable-unsafe-webgpu",
   "--use-webgpu-adapter=swiftshader",
+  "--enable-features=Vulkan",
+  "--use-vulkan=swiftshader",
+  "--use-angle=swiftshader",
+  "--ignore-gpu-blocklist",
   "--no-sandbox",
   "--disable-quic",
   "--no-first-run",

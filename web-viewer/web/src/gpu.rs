@@ -1,7 +1,12 @@
 //! A canvas and its GPU.
+//!
+//! Pictures are drawn to a texture of our own, in sRGB, and copied to the canvas. A canvas' texture cannot be sRGB,
+//! only views of it can, and software WebGPU (`SwiftShader`) forgets the encoding when it resolves samples into such a
+//! view. The copy costs next to nothing and is right everywhere.
 
 use marquetry_engine::Renderer;
 use marquetry_engine::wgpu;
+use std::cell::RefCell;
 use std::rc::Rc;
 use std::sync::{Arc, OnceLock};
 use wasm_bindgen::prelude::*;
@@ -22,6 +27,8 @@ pub(crate) struct Context {
     pub(crate) adapter: String,
     /// Format that is drawn in: the canvas' own, as sRGB.
     pub(crate) format: wgpu::TextureFormat,
+    /// What is drawn to; made for the canvas' size.
+    picture: RefCell<Option<wgpu::Texture>>,
     surface: wgpu::Surface<'static>,
     surface_format: wgpu::TextureFormat,
     /// The first error that nobody caught, a lost device included.
@@ -90,6 +97,7 @@ impl Gpu {
                 queue,
                 adapter,
                 format,
+                picture: RefCell::new(None),
                 surface,
                 surface_format,
                 fault,
@@ -115,7 +123,7 @@ impl Context {
         self.surface.configure(
             &self.device,
             &wgpu::SurfaceConfiguration {
-                usage: wgpu::TextureUsages::RENDER_ATTACHMENT,
+                usage: wgpu::TextureUsages::COPY_DST,
                 format: self.surface_format,
                 color_space: wgpu::SurfaceColorSpace::default(),
                 width,
@@ -123,21 +131,53 @@ impl Context {
                 present_mode: wgpu::PresentMode::Fifo,
                 desired_maximum_frame_latency: 2,
                 alpha_mode: wgpu::CompositeAlphaMode::Opaque,
-                view_formats: vec![self.format],
+                view_formats: Vec::new(),
             },
         );
+        let picture = self.device.create_texture(&wgpu::TextureDescriptor {
+            label: Some("picture"),
+            size: wgpu::Extent3d {
+                width,
+                height,
+                depth_or_array_layers: 1,
+            },
+            mip_level_count: 1,
+            sample_count: 1,
+            dimension: wgpu::TextureDimension::D2,
+            format: self.format,
+            usage: wgpu::TextureUsages::RENDER_ATTACHMENT | wgpu::TextureUsages::COPY_SRC,
+            view_formats: &[],
+        });
+        self.picture.replace(Some(picture));
     }
 
-    /// The canvas' next picture; `None` when it is to be had only later.
-    pub(crate) fn next_picture(&self) -> Option<(wgpu::SurfaceTexture, wgpu::TextureView)> {
+    /// Shows what `draw` draws; false when the canvas takes no picture just now.
+    ///
+    /// # Errors
+    /// Those of `draw`.
+    pub(crate) fn show<E>(
+        &self,
+        draw: impl FnOnce(&wgpu::TextureView) -> Result<(), E>,
+    ) -> Result<bool, E> {
         use wgpu::CurrentSurfaceTexture::{Suboptimal, Success};
-        let (Success(picture) | Suboptimal(picture)) = self.surface.get_current_texture() else {
-            return None;
+        let picture = self.picture.borrow();
+        let Some(picture) = picture.as_ref() else {
+            return Ok(false);
         };
-        let view = picture.texture.create_view(&wgpu::TextureViewDescriptor {
-            format: Some(self.format),
-            ..wgpu::TextureViewDescriptor::default()
-        });
-        Some((picture, view))
+        draw(&picture.create_view(&wgpu::TextureViewDescriptor::default()))?;
+        let (Success(canvas) | Suboptimal(canvas)) = self.surface.get_current_texture() else {
+            return Ok(false);
+        };
+        let mut encoder = self
+            .device
+            .create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
+        encoder.copy_texture_to_texture(
+            picture.as_image_copy(),
+            canvas.texture.as_image_copy(),
+            picture.size(),
+        );
+        self.queue.submit([encoder.finish()]);
+        self.queue.present(canvas);
+        Ok(true)
     }
 }

@@ -27,6 +27,8 @@ pub struct View {
     gpu: Rc<Context>,
     viewport: Viewport,
     requests: Vec<Request>,
+    /// The canvas does not show what was drawn last.
+    is_stale: bool,
     times: FrameTimes,
 }
 
@@ -55,6 +57,7 @@ impl View {
             gpu,
             viewport,
             requests: Vec::new(),
+            is_stale: true,
             times: FrameTimes::default(),
         })
     }
@@ -124,6 +127,7 @@ impl View {
     pub fn resize(&mut self, width: u32, height: u32) {
         let viewport = Viewport::new(width, height);
         self.viewport = viewport;
+        self.is_stale = true;
         self.gpu.configure(viewport.width, viewport.height);
     }
 
@@ -137,23 +141,26 @@ impl View {
         }
         let mut requests = self.viewer.update(seconds, self.viewport);
         self.requests.append(&mut requests);
-        if !always && !self.viewer.needs_redraw() {
+        if !always && !self.is_stale && !self.viewer.needs_redraw() {
             return Ok(false);
         }
-        let Some((picture, target)) = self.gpu.next_picture() else {
+        let Self {
+            viewer, renderer, ..
+        } = self;
+        let shown = self.gpu.show(|target| renderer.render(viewer, target))?;
+        self.is_stale = !shown;
+        if !shown {
+            // A canvas whose pictures are gone wants to be set up again.
             self.gpu
                 .configure(self.viewport.width, self.viewport.height);
-            return Ok(false);
-        };
-        self.renderer.render(&mut self.viewer, &target)?;
-        self.gpu.queue.present(picture);
-        Ok(true)
+        }
+        Ok(shown)
     }
 
     /// Whether [`View::frame`] should be called again before anything happens.
     #[wasm_bindgen(getter, js_name = wantsFrame)]
     pub fn wants_frame(&self) -> bool {
-        self.viewer.needs_update() || self.viewer.needs_redraw()
+        self.is_stale || self.viewer.needs_update() || self.viewer.needs_redraw()
     }
 
     /// Whether nothing is missing for this view.

@@ -16,12 +16,19 @@
         reason = "test data are small"
     )
 )]
+#![cfg_attr(
+    target_arch = "wasm32",
+    allow(dead_code, reason = "wasm builds only read")
+)]
 
 mod bytes;
 mod bytes_by_part;
 pub mod chart;
 pub mod codec;
 pub mod error;
+#[cfg(feature = "fuzzing")]
+#[doc(hidden)]
+pub mod fuzzing;
 pub mod header;
 pub mod index;
 pub mod lattice;

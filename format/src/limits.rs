@@ -21,7 +21,7 @@ impl Default for Limits {
             charts: 1 << 22,
             pages: 1 << 26,
             metadata_bytes: 1 << 20,
-            section_bytes: 1 << 28,
+            section_bytes: 1 << 26,
             page_bytes: 1 << 17,
         }
     }

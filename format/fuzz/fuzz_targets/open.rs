@@ -1,0 +1,75 @@
+//! Opens any bytes, as they are and as the sections of a file with right checksums, and decodes every page.
+//!
+//! `cargo +nightly fuzz run open -- -max_total_time=60`, in `format/`; seeds: `tests/data`.
+#![no_main]
+
+#[path = "../../tests/support/assemble.rs"]
+mod assemble;
+
+use assemble::{Part, Parts};
+use libfuzzer_sys::fuzz_target;
+use marquetry_format::{ByteSource, ChartId, Document, Limits, PageId, PageSamples, SliceSource};
+
+/// Small, so that what is found is a fault and not a large allocation.
+const LIMITS: Limits = Limits {
+    charts: 1 << 10,
+    pages: 1 << 12,
+    metadata_bytes: 1 << 12,
+    section_bytes: 1 << 20,
+    page_bytes: 1 << 14,
+};
+
+fuzz_target!(|data: &[u8]| {
+    read(data);
+    read(&from_sections(data));
+});
+
+/// Each section's body comes after its length, two bytes; the last takes the rest.
+fn from_sections(mut data: &[u8]) -> Vec<u8> {
+    let mut sections = Vec::new();
+    for kind in 1..=6 {
+        let mut body = data;
+        if let (true, Some((length, rest))) = (kind < 6, data.split_first_chunk::<2>()) {
+            let length = usize::from(u16::from_le_bytes(*length)).min(rest.len());
+            (body, data) = rest.split_at(length);
+        }
+        sections.push(Part {
+            kind,
+            flags: 1,
+            body: body.to_vec(),
+        });
+    }
+    Parts {
+        major: 1,
+        flags: 0,
+        content_id: [0; 16],
+        sections,
+    }
+    .file()
+}
+
+fn read(bytes: &[u8]) {
+    let source = SliceSource(bytes);
+    let Ok(mut document) = Document::open(&source, LIMITS) else {
+        return;
+    };
+    if document.load_index(&source).is_err() {
+        return;
+    }
+    let mut pages: Vec<Option<PageSamples>> = Vec::new();
+    for page in (0..document.page_count().min(64)).map(PageId) {
+        let bytes = document
+            .page_range(page)
+            .and_then(|range| source.read(range).ok());
+        let samples = bytes.and_then(|bytes| match document.parent(page) {
+            None => document.decode_root(ChartId(page.0), &bytes).ok(),
+            Some((parent, quadrant)) => {
+                let parent = pages.get(parent.0 as usize)?.as_ref()?;
+                document.decode_child(page, quadrant, parent, &bytes).ok()
+            }
+        });
+        let node = document.node_of_page(page);
+        assert!(node.is_none_or(|node| document.page_of_node(node) == Some(page)));
+        pages.push(samples);
+    }
+}

@@ -17,7 +17,11 @@ pub(crate) fn run(project: &Project) -> Result<()> {
     })?;
     let folder = project.browser_test();
     setup::npm(&folder)?;
-    process::run(Command::new("node").current_dir(&folder).args(["--test", "--test-reporter=dot"]))?;
+    process::run(
+        Command::new("node")
+            .current_dir(&folder)
+            .args(["--test", "--test-reporter=dot"]),
+    )?;
     let chromium = setup::chromium().context("no Chromium")?;
     process::run(
         Command::new("node")

@@ -21,24 +21,31 @@ pub(super) struct CutRegion {
     pub(super) spokes: Vec<Border>,
 }
 
-pub(super) fn cut(region: Region) -> Result<CutRegion, QuadrangulateError> {
-    let folded = QuadrangulateError::Folded { region: region.id, triangles: region.triangles.len() };
-    let mut region = region;
+/// Where the centre is tried, in radii of the polygon, until the cut succeeds.
+///
+/// A protrusion shrinks to a speck of the polygon, where rounding folds triangles over each other. That does no harm
+/// unless a spoke runs through the speck, and another centre sends the spokes elsewhere.
+fn centres() -> impl Iterator<Item = DVec2> {
+    // Golden-angle spiral: no two directions alike.
+    (0..12).map(|i| DVec2::from_angle(2.399_963 * f64::from(i)) * 0.02 * f64::from(i))
+}
+
+pub(super) fn cut(mut region: Region) -> Result<CutRegion, QuadrangulateError> {
+    let vertices = region.positions.len();
+    let triangles = region.triangles.clone();
     for weights in [Weights::Cotangent, Weights::Uniform] {
-        let uv = region.flattened(weights);
-        let (vertices, triangles) = (region.positions.len(), region.triangles.clone());
-        let mut sectors = match Sectors::new(&mut region, uv) {
-            Some(sectors) => sectors,
-            None => continue,
-        };
-        if let Some(cut) = sectors.cut() {
-            return Ok(cut);
+        let flat = region.flattened(weights);
+        for centre in centres() {
+            let uv = flat.iter().map(|&p| p - centre).collect();
+            if let Some(cut) = Sectors::new(&mut region, uv).and_then(|mut sectors| sectors.cut()) {
+                return Ok(cut);
+            }
+            region.positions.truncate(vertices);
+            region.attributes.truncate(vertices);
+            region.triangles.clone_from(&triangles);
         }
-        region.positions.truncate(vertices);
-        region.attributes.truncate(vertices);
-        region.triangles = triangles;
     }
-    Err(folded)
+    Err(QuadrangulateError::Folded { region: region.id, triangles: triangles.len() })
 }
 
 fn orient(a: DVec2, b: DVec2, c: DVec2) -> f64 {
@@ -267,8 +274,10 @@ fn insert_origin(region: &mut Region, uv: &mut Vec<DVec2>) -> Option<u32> {
     let signs = |t: &[u32; 3]| {
         [0, 1, 2].map(|k| orient(uv[t[k] as usize], uv[t[(k + 1) % 3] as usize], DVec2::ZERO))
     };
+    // A triangle that rounding has flattened to a point seems to hold everything.
+    let upright = |t: &[u32; 3]| orient(uv[t[0] as usize], uv[t[1] as usize], uv[t[2] as usize]) > 0.0;
     let holding: Vec<usize> = (0..region.triangles.len())
-        .filter(|&t| signs(&region.triangles[t]).iter().all(|&s| s >= 0.0))
+        .filter(|&t| upright(&region.triangles[t]) && signs(&region.triangles[t]).iter().all(|&s| s >= 0.0))
         .collect();
     let first = region.triangles[*holding.first()?];
     let s = signs(&first);

@@ -1,2 +1,7 @@
 //! The `marquetry` binary: subcommands, nothing else.
-fn main() {}
+
+mod cli;
+
+fn main() -> std::process::ExitCode {
+    cli::run()
+}

@@ -47,7 +47,11 @@ impl Camera {
         let sphere = BoundingSphere::of(metadata);
         let direction = direction.normalize_or_zero();
         let eye = sphere.centre + direction * (distance * sphere.radius);
-        Ok(Self { eye, target: sphere.centre, up: picture_up(direction, up_axis(metadata)) })
+        Ok(Self {
+            eye,
+            target: sphere.centre,
+            up: picture_up(direction, up_axis(metadata)),
+        })
     }
 
     /// Reads `eye.x,eye.y,eye.z,target.x,target.y,target.z`; up follows from the metadata.
@@ -56,26 +60,44 @@ impl Camera {
     /// # Errors
     /// [`EngineError::Camera`].
     pub fn parse(metadata: &Metadata, text: &str) -> Result<Self, EngineError> {
-        let wrong = |reason| EngineError::Camera { text: text.to_owned(), reason };
+        let wrong = |reason| EngineError::Camera {
+            text: text.to_owned(),
+            reason,
+        };
         let mut numbers = [0.0f64; 6];
         let mut parts = text.split(',');
         for number in &mut numbers {
             let part = parts.next().ok_or_else(|| wrong("too few numbers"))?;
-            *number = part.trim().parse().ok().filter(|n: &f64| n.is_finite()).ok_or_else(|| wrong("not a number"))?;
+            *number = part
+                .trim()
+                .parse()
+                .ok()
+                .filter(|n: &f64| n.is_finite())
+                .ok_or_else(|| wrong("not a number"))?;
         }
         if parts.next().is_some() {
             return Err(wrong("too many numbers"));
         }
         let [ex, ey, ez, tx, ty, tz] = numbers;
         let (eye, target) = (DVec3::new(ex, ey, ez), DVec3::new(tx, ty, tz));
-        let direction = (eye - target).try_normalize().ok_or_else(|| wrong("eye and target are the same point"))?;
-        Ok(Self { eye, target, up: picture_up(direction, up_axis(metadata)) })
+        let direction = (eye - target)
+            .try_normalize()
+            .ok_or_else(|| wrong("eye and target are the same point"))?;
+        Ok(Self {
+            eye,
+            target,
+            up: picture_up(direction, up_axis(metadata)),
+        })
     }
 
     /// Right, up and back (towards the eye) of the picture: unit vectors at right angles, in world coordinates.
     pub fn frame(&self) -> [DVec3; 3] {
         let back = (self.eye - self.target).try_normalize().unwrap_or(DVec3::Z);
-        let right = self.up.cross(back).try_normalize().unwrap_or_else(|| back.any_orthonormal_vector());
+        let right = self
+            .up
+            .cross(back)
+            .try_normalize()
+            .unwrap_or_else(|| back.any_orthonormal_vector());
         [right, back.cross(right), back]
     }
 }
@@ -92,11 +114,24 @@ impl std::fmt::Display for Camera {
 /// 0 = +z (front), 1 = +x, 2 = −z, 3 = −x, 4 = +y, 5 = −y, then the 12 edge and the 8 corner directions of {−1, 0, 1}³
 /// in lexicographic order of (x, y, z). Model axes, whatever axis is up.
 pub fn standard_direction(index: usize) -> Option<DVec3> {
-    const FACES: [DVec3; 6] = [DVec3::Z, DVec3::X, DVec3::NEG_Z, DVec3::NEG_X, DVec3::Y, DVec3::NEG_Y];
+    const FACES: [DVec3; 6] = [
+        DVec3::Z,
+        DVec3::X,
+        DVec3::NEG_Z,
+        DVec3::NEG_X,
+        DVec3::Y,
+        DVec3::NEG_Y,
+    ];
     if let Some(face) = FACES.get(index) {
         return Some(*face);
     }
-    let lexicographic = (0..27).map(|n| DVec3::new(f64::from(n / 9 - 1), f64::from(n / 3 % 3 - 1), f64::from(n % 3 - 1)));
+    let lexicographic = (0..27).map(|n| {
+        DVec3::new(
+            f64::from(n / 9 - 1),
+            f64::from(n / 3 % 3 - 1),
+            f64::from(n % 3 - 1),
+        )
+    });
     let edges = lexicographic.clone().filter(|v| v.length_squared() == 2.0);
     let corners = lexicographic.filter(|v| v.length_squared() == 3.0);
     edges.chain(corners).nth(index - FACES.len())
@@ -118,7 +153,11 @@ fn picture_up(direction: DVec3, pole: DVec3) -> DVec3 {
         return pole;
     }
     // From above, the front (+z of a model whose y is up) is at the bottom of the picture.
-    if pole == DVec3::Y { -DVec3::Z * along.signum() } else { DVec3::Y }
+    if pole == DVec3::Y {
+        -DVec3::Z * along.signum()
+    } else {
+        DVec3::Y
+    }
 }
 
 /// A sphere around the whole model, world coordinates.
@@ -133,9 +172,15 @@ pub struct BoundingSphere {
 impl BoundingSphere {
     /// That of the metadata's bounds; at least one lattice step in radius, so that a single point can be looked at.
     pub fn of(metadata: &Metadata) -> Self {
-        let (min, max) = (DVec3::from_array(metadata.bounds_min), DVec3::from_array(metadata.bounds_max));
+        let (min, max) = (
+            DVec3::from_array(metadata.bounds_min),
+            DVec3::from_array(metadata.bounds_max),
+        );
         let radius = 0.5 * (max - min).length();
-        Self { centre: 0.5 * (min + max), radius: radius.max(metadata.lattice.step) }
+        Self {
+            centre: 0.5 * (min + max),
+            radius: radius.max(metadata.lattice.step),
+        }
     }
 }
 
@@ -198,13 +243,24 @@ impl View {
             DVec4::new(0.0, 0.0, near / (far - near), -1.0),
             DVec4::new(0.0, 0.0, near * far / (far - near), 0.0),
         );
-        let rotation = DMat4::from_cols(right.extend(0.0), up.extend(0.0), back.extend(0.0), DVec4::W).transpose();
+        let rotation = DMat4::from_cols(
+            right.extend(0.0),
+            up.extend(0.0),
+            back.extend(0.0),
+            DVec4::W,
+        )
+        .transpose();
         Self {
             eye: LatticeEye::new(eye_lattice),
             clip_from_offset: projection * rotation,
             frame,
             eye_lattice,
-            planes: [right - slope_x * back, -right - slope_x * back, up - slope_y * back, -up - slope_y * back],
+            planes: [
+                right - slope_x * back,
+                -right - slope_x * back,
+                up - slope_y * back,
+                -up - slope_y * back,
+            ],
             px_per_slope: f64::from(viewport.height) / (2.0 * slope_y),
             nearest: 1e-3 * radius,
         }
@@ -235,7 +291,10 @@ pub fn lattice_from_world(lattice: &Lattice, world: DVec3) -> DVec3 {
 }
 
 fn corners(bounds: &Bounds) -> (DVec3, DVec3) {
-    (DVec3::from_array(bounds.min.map(f64::from)), DVec3::from_array(bounds.max.map(f64::from)))
+    (
+        DVec3::from_array(bounds.min.map(f64::from)),
+        DVec3::from_array(bounds.max.map(f64::from)),
+    )
 }
 
 #[cfg(test)]
@@ -245,7 +304,9 @@ mod tests {
 
     #[test]
     fn standard_directions_are_26_and_distinct() {
-        let all: Vec<_> = (0..STANDARD_VIEWS).map(|n| standard_direction(n).unwrap().to_array()).collect();
+        let all: Vec<_> = (0..STANDARD_VIEWS)
+            .map(|n| standard_direction(n).unwrap().to_array())
+            .collect();
         for (n, a) in all.iter().enumerate() {
             assert!(!all[..n].contains(a));
         }
@@ -260,8 +321,18 @@ mod tests {
     fn camera_text_round_trips() {
         let metadata = metadata();
         let camera = Camera::standard(&metadata, 20, 1.7).unwrap();
-        assert_eq!(Camera::parse(&metadata, &camera.to_string()).unwrap(), camera);
-        for bad in ["", "1,2,3", "1,2,3,4,5,6,7", "1,2,3,1,2,3", "1,2,x,1,2,3", "1,2,NaN,1,2,3"] {
+        assert_eq!(
+            Camera::parse(&metadata, &camera.to_string()).unwrap(),
+            camera
+        );
+        for bad in [
+            "",
+            "1,2,3",
+            "1,2,3,4,5,6,7",
+            "1,2,3,1,2,3",
+            "1,2,x,1,2,3",
+            "1,2,NaN,1,2,3",
+        ] {
             assert!(Camera::parse(&metadata, bad).is_err(), "{bad}");
         }
     }
@@ -286,7 +357,10 @@ mod tests {
         let mut outside = 0;
         for n in 0..4096u32 {
             let point = [n % 16, n / 16 % 16, n / 256].map(|c| c << 17);
-            let bounds = Bounds { min: point, max: point };
+            let bounds = Bounds {
+                min: point,
+                max: point,
+            };
             let offset = DVec3::from_array(point.map(f64::from)) - view.eye_lattice;
             let clip = view.clip_from_offset * offset.extend(1.0);
             let inside = clip.w > 0.0 && clip.x.abs() <= clip.w && clip.y.abs() <= clip.w;
@@ -299,11 +373,15 @@ mod tests {
     #[test]
     fn error_does_not_grow_with_distance_and_is_finite_inside() {
         let metadata = metadata();
-        let bounds = Bounds { min: [1 << 19; 3], max: [3 << 19; 3] };
+        let bounds = Bounds {
+            min: [1 << 19; 3],
+            max: [3 << 19; 3],
+        };
         let mut last = f64::INFINITY;
         for distance in [0.01, 0.5, 1.0, 2.0, 8.0] {
             let camera = Camera::standard(&metadata, 3, distance).unwrap();
-            let error = View::new(&camera, &metadata, Viewport::new(640, 480)).error_px(3.0, &bounds);
+            let error =
+                View::new(&camera, &metadata, Viewport::new(640, 480)).error_px(3.0, &bounds);
             assert!(error.is_finite() && error <= last);
             last = error;
         }

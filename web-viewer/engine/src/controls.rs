@@ -67,13 +67,24 @@ impl Controls {
         for (index, camera) in home.iter_mut().enumerate() {
             *camera = Camera::standard(metadata, index, STANDARD_DISTANCE)?;
         }
-        Ok(Self { sphere: BoundingSphere::of(metadata), pole: up_axis(metadata), home, pointers: Vec::new() })
+        Ok(Self {
+            sphere: BoundingSphere::of(metadata),
+            pole: up_axis(metadata),
+            home,
+            pointers: Vec::new(),
+        })
     }
 
     /// Applies `event` to `camera`, seen on `viewport`.
     pub fn handle(&mut self, event: InputEvent, camera: &mut Camera, viewport: Viewport) -> Action {
         match event {
-            InputEvent::PointerDown { pointer, kind, button, position, modifiers } => {
+            InputEvent::PointerDown {
+                pointer,
+                kind,
+                button,
+                position,
+                modifiers,
+            } => {
                 if kind == PointerKind::Mouse {
                     self.pointers.clear();
                 }
@@ -83,7 +94,11 @@ impl Controls {
                     PointerButton::Primary if !modifiers.shift => Gesture::Orbit,
                     _ => Gesture::Pan,
                 };
-                self.pointers.push(Pointer { id: pointer, position: DVec2::from_array(position), gesture });
+                self.pointers.push(Pointer {
+                    id: pointer,
+                    position: DVec2::from_array(position),
+                    gesture,
+                });
                 Action::Taken
             }
             InputEvent::PointerMove { pointer, position } => {
@@ -92,18 +107,37 @@ impl Controls {
             InputEvent::PointerUp { pointer } => {
                 let before = self.pointers.len();
                 self.pointers.retain(|known| known.id != pointer);
-                if self.pointers.len() < before { Action::Taken } else { Action::Ignored }
+                if self.pointers.len() < before {
+                    Action::Taken
+                } else {
+                    Action::Ignored
+                }
             }
             InputEvent::Wheel { notches, position } => {
-                let notches = if notches.is_finite() { notches.clamp(-20.0, 20.0) } else { 0.0 };
-                self.zoom(camera, ZOOM_PER_NOTCH.powf(notches), DVec2::from_array(position), viewport);
+                let notches = if notches.is_finite() {
+                    notches.clamp(-20.0, 20.0)
+                } else {
+                    0.0
+                };
+                self.zoom(
+                    camera,
+                    ZOOM_PER_NOTCH.powf(notches),
+                    DVec2::from_array(position),
+                    viewport,
+                );
                 Action::Taken
             }
             InputEvent::KeyDown { key, modifiers } => self.key(key, modifiers, camera, viewport),
         }
     }
 
-    fn moved(&mut self, pointer: u64, to: DVec2, camera: &mut Camera, viewport: Viewport) -> Action {
+    fn moved(
+        &mut self,
+        pointer: u64,
+        to: DVec2,
+        camera: &mut Camera,
+        viewport: Viewport,
+    ) -> Action {
         if !to.is_finite() {
             return Action::Ignored;
         }
@@ -127,13 +161,22 @@ impl Controls {
             // Two fingers: their middle moves half as far as the one that moved.
             let still = other.position;
             pan(camera, 0.5 * delta / height);
-            let (before, after) = ((from - still).length().max(1.0), (to - still).length().max(1.0));
+            let (before, after) = (
+                (from - still).length().max(1.0),
+                (to - still).length().max(1.0),
+            );
             self.zoom(camera, before / after, 0.5 * (to + still), viewport);
         }
         Action::Taken
     }
 
-    fn key(&self, key: Key, modifiers: Modifiers, camera: &mut Camera, viewport: Viewport) -> Action {
+    fn key(
+        &self,
+        key: Key,
+        modifiers: Modifiers,
+        camera: &mut Camera,
+        viewport: Viewport,
+    ) -> Action {
         if modifiers.control || modifiers.alt {
             return Action::Ignored;
         }
@@ -156,7 +199,10 @@ impl Controls {
                 return Action::Taken;
             }
             Key::Digit(digit) => {
-                let Some(view) = usize::from(digit).checked_sub(1).and_then(|n| self.home.get(n)) else {
+                let Some(view) = usize::from(digit)
+                    .checked_sub(1)
+                    .and_then(|n| self.home.get(n))
+                else {
                     return Action::Ignored;
                 };
                 *camera = *view;
@@ -180,11 +226,14 @@ impl Controls {
         let [right, _, back] = camera.frame();
         let distance = (camera.eye - camera.target).length();
         // The right vector stays horizontal, so it tells the heading even from straight above.
-        let right = (right - self.pole * right.dot(self.pole)).try_normalize().unwrap_or(right);
+        let right = (right - self.pole * right.dot(self.pole))
+            .try_normalize()
+            .unwrap_or(right);
         let (sin, cos) = yaw.sin_cos();
         let right = right * cos + self.pole.cross(right) * sin;
         let level = right.cross(self.pole);
-        let pitch = (back.dot(self.pole).clamp(-1.0, 1.0).asin() + pitch).clamp(-STEEPEST, STEEPEST);
+        let pitch =
+            (back.dot(self.pole).clamp(-1.0, 1.0).asin() + pitch).clamp(-STEEPEST, STEEPEST);
         let back = level * pitch.cos() + self.pole * pitch.sin();
         camera.eye = camera.target + back * distance;
         camera.up = self.pole;
@@ -194,7 +243,8 @@ impl Controls {
     fn zoom(&self, camera: &mut Camera, factor: f64, position: DVec2, viewport: Viewport) {
         let offset = camera.eye - camera.target;
         let distance = offset.length();
-        let wanted = (distance * factor).clamp(1e-4 * self.sphere.radius, 100.0 * self.sphere.radius);
+        let wanted =
+            (distance * factor).clamp(1e-4 * self.sphere.radius, 100.0 * self.sphere.radius);
         let factor = wanted / distance;
         let size = DVec2::new(f64::from(viewport.width), f64::from(viewport.height));
         let below = (position - 0.5 * size) / size.y;
@@ -224,11 +274,17 @@ mod tests {
     use super::*;
     use crate::testing::metadata;
 
-    const VIEWPORT: Viewport = Viewport { width: 400, height: 200 };
+    const VIEWPORT: Viewport = Viewport {
+        width: 400,
+        height: 200,
+    };
 
     fn start() -> (Controls, Camera) {
         let metadata = metadata();
-        (Controls::new(&metadata).unwrap(), Camera::standard(&metadata, 0, 2.5).unwrap())
+        (
+            Controls::new(&metadata).unwrap(),
+            Camera::standard(&metadata, 0, 2.5).unwrap(),
+        )
     }
 
     fn drag(controls: &mut Controls, camera: &mut Camera, button: PointerButton, by: [f64; 2]) {
@@ -241,7 +297,14 @@ mod tests {
         };
         controls.handle(down, camera, VIEWPORT);
         let to = [100.0 + by[0], 100.0 + by[1]];
-        controls.handle(InputEvent::PointerMove { pointer: 1, position: to }, camera, VIEWPORT);
+        controls.handle(
+            InputEvent::PointerMove {
+                pointer: 1,
+                position: to,
+            },
+            camera,
+            VIEWPORT,
+        );
         controls.handle(InputEvent::PointerUp { pointer: 1 }, camera, VIEWPORT);
     }
 
@@ -249,8 +312,15 @@ mod tests {
     fn dragging_left_and_right_turns_half_a_circle_over_the_height() {
         let (mut controls, mut camera) = start();
         let before = camera;
-        drag(&mut controls, &mut camera, PointerButton::Primary, [200.0, 0.0]);
-        assert!((camera.eye - (2.0 * before.target - before.eye)).length() < 1e-9 * before.eye.length());
+        drag(
+            &mut controls,
+            &mut camera,
+            PointerButton::Primary,
+            [200.0, 0.0],
+        );
+        assert!(
+            (camera.eye - (2.0 * before.target - before.eye)).length() < 1e-9 * before.eye.length()
+        );
         assert_eq!(camera.target, before.target);
     }
 
@@ -258,7 +328,12 @@ mod tests {
     fn orbit_keeps_the_distance_and_stops_short_of_the_pole() {
         let (mut controls, mut camera) = start();
         let distance = (camera.eye - camera.target).length();
-        drag(&mut controls, &mut camera, PointerButton::Primary, [13.0, 5000.0]);
+        drag(
+            &mut controls,
+            &mut camera,
+            PointerButton::Primary,
+            [13.0, 5000.0],
+        );
         assert!(((camera.eye - camera.target).length() - distance).abs() < 1e-9 * distance);
         let back = (camera.eye - camera.target) / distance;
         assert!(back.y > 0.99 && back.y < 1.0);
@@ -268,7 +343,12 @@ mod tests {
     fn panning_moves_eye_and_target_alike() {
         let (mut controls, mut camera) = start();
         let before = camera;
-        drag(&mut controls, &mut camera, PointerButton::Secondary, [30.0, -20.0]);
+        drag(
+            &mut controls,
+            &mut camera,
+            PointerButton::Secondary,
+            [30.0, -20.0],
+        );
         let shift = camera.eye - before.eye;
         assert!((shift - (camera.target - before.target)).length() < 1e-9);
         assert!(shift.x < 0.0 && shift.y < 0.0);
@@ -287,7 +367,14 @@ mod tests {
         let before = place(&camera);
         let pixels = before * (f64::from(VIEWPORT.height) / (2.0 * (0.5 * FIELD_OF_VIEW).tan()));
         let position = [200.0 + pixels.x, 100.0 - pixels.y];
-        controls.handle(InputEvent::Wheel { notches: -3.0, position }, &mut camera, VIEWPORT);
+        controls.handle(
+            InputEvent::Wheel {
+                notches: -3.0,
+                position,
+            },
+            &mut camera,
+            VIEWPORT,
+        );
         assert!((place(&camera) - before).length() < 1e-9);
         assert!((camera.eye - camera.target).length() < 2.5 * BoundingSphere::of(&metadata).radius);
     }
@@ -306,7 +393,14 @@ mod tests {
             };
             controls.handle(down, &mut camera, VIEWPORT);
         }
-        controls.handle(InputEvent::PointerMove { pointer: 2, position: [260.0, 100.0] }, &mut camera, VIEWPORT);
+        controls.handle(
+            InputEvent::PointerMove {
+                pointer: 2,
+                position: [260.0, 100.0],
+            },
+            &mut camera,
+            VIEWPORT,
+        );
         assert!(((camera.eye - camera.target).length() - 0.5 * before).abs() < 1e-9 * before);
     }
 
@@ -315,17 +409,34 @@ mod tests {
         let (mut controls, mut camera) = start();
         let event = |control| InputEvent::KeyDown {
             key: Key::Letter('w'),
-            modifiers: Modifiers { control, ..Modifiers::default() },
+            modifiers: Modifiers {
+                control,
+                ..Modifiers::default()
+            },
         };
-        assert_eq!(controls.handle(event(true), &mut camera, VIEWPORT), Action::Ignored);
-        assert_eq!(controls.handle(event(false), &mut camera, VIEWPORT), Action::ToggleShade(Shade::Wire));
+        assert_eq!(
+            controls.handle(event(true), &mut camera, VIEWPORT),
+            Action::Ignored
+        );
+        assert_eq!(
+            controls.handle(event(false), &mut camera, VIEWPORT),
+            Action::ToggleShade(Shade::Wire)
+        );
     }
 
     #[test]
     fn numbers_that_are_not_finite_do_not_reach_the_camera() {
         let (mut controls, mut camera) = start();
-        drag(&mut controls, &mut camera, PointerButton::Primary, [f64::NAN, 1.0]);
-        let wheel = InputEvent::Wheel { notches: f64::INFINITY, position: [f64::NAN, 0.0] };
+        drag(
+            &mut controls,
+            &mut camera,
+            PointerButton::Primary,
+            [f64::NAN, 1.0],
+        );
+        let wheel = InputEvent::Wheel {
+            notches: f64::INFINITY,
+            position: [f64::NAN, 0.0],
+        };
         controls.handle(wheel, &mut camera, VIEWPORT);
         assert!(camera.eye.is_finite() && camera.target.is_finite());
     }

@@ -45,7 +45,9 @@ impl Frame {
                 Shade::Lod => 2,
                 Shade::Wire => 3,
             },
-            eye_fraction: glam::DVec3::from_array(view.eye.fraction).as_vec3().to_array(),
+            eye_fraction: glam::DVec3::from_array(view.eye.fraction)
+                .as_vec3()
+                .to_array(),
             has_colours: u32::from(has_colours),
             right,
             up,
@@ -77,7 +79,12 @@ impl Instance {
         let grid = leaf.grid_resolution();
         let stride = slot.resolution.saturating_sub(grid);
         Self {
-            place: [slot.x, slot.y, slot.layer, u32::from_le_bytes([grid, stride, leaf.node.level, leaf.resolution])],
+            place: [
+                slot.x,
+                slot.y,
+                slot.layer,
+                u32::from_le_bytes([grid, stride, leaf.node.level, leaf.resolution]),
+            ],
             sides: sides.map(|mode| match mode {
                 SideMode::Morph(morph) => morph,
                 SideMode::Snap => SNAP,
@@ -118,11 +125,50 @@ impl DrawList {
     /// Grid sizes that have instances, with the range of these.
     pub fn draws(&self) -> impl Iterator<Item = (u8, std::ops::Range<u32>)> {
         let starts = std::iter::once(0).chain(self.ends);
-        (0u8..).zip(starts.zip(self.ends)).filter(|(_, (start, end))| start < end).map(|(n, (start, end))| (n, start..end))
+        (0u8..)
+            .zip(starts.zip(self.ends))
+            .filter(|(_, (start, end))| start < end)
+            .map(|(n, (start, end))| (n, start..end))
     }
 
     /// Triangles drawn.
     pub fn triangles(&self) -> u64 {
-        self.draws().map(|(grid, range)| (2u64 << (2 * u32::from(grid))) * u64::from(range.end - range.start)).sum()
+        self.draws()
+            .map(|(grid, range)| {
+                (2u64 << (2 * u32::from(grid))) * u64::from(range.end - range.start)
+            })
+            .sum()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::testing::{Random, cube_charts, random_cut};
+
+    #[test]
+    fn draw_list_holds_every_leaf_once_by_grid_size() {
+        let cut = random_cut(&mut Random::new(14), &cube_charts(5), 2);
+        let slot = |leaf: Leaf| Slot {
+            x: 0,
+            y: 0,
+            layer: 0,
+            resolution: leaf.grid_resolution(),
+        };
+        let list = DrawList::new(&cut, |leaf| {
+            Some(Instance::new(leaf, slot(leaf), 0.0, [SideMode::Snap; 4]))
+        });
+        assert_eq!(list.instances.len(), cut.leaves().len());
+        assert_eq!(list.triangles(), cut.triangles());
+        let mut next = 0;
+        for (grid, range) in list.draws() {
+            assert_eq!(range.start, next);
+            next = range.end;
+            for instance in &list.instances[range.start as usize..range.end as usize] {
+                assert_eq!(instance.place[3] & 0xff, u32::from(grid));
+            }
+        }
+        assert_eq!(next as usize, list.instances.len());
+        assert_eq!(DrawList::new(&cut, |_| None).draws().count(), 0);
     }
 }

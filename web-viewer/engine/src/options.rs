@@ -15,7 +15,10 @@ pub struct Viewport {
 impl Viewport {
     /// A viewport of at least one pixel.
     pub fn new(width: u32, height: u32) -> Self {
-        Self { width: width.max(1), height: height.max(1) }
+        Self {
+            width: width.max(1),
+            height: height.max(1),
+        }
     }
 }
 

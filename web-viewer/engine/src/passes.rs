@@ -2,11 +2,13 @@
 
 pub mod atlas;
 pub mod grid;
+pub mod timer;
 
 use crate::gpu_types::Frame;
 use crate::{EngineError, Viewer, Viewport};
 use atlas::AtlasTextures;
 use grid::{DEPTH_FORMAT, GridPass, SAMPLES};
+use timer::GpuTimer;
 
 /// Draws a [`Viewer`] on one device. 4× multisampled; depth is reversed, 32-bit float.
 ///
@@ -17,6 +19,7 @@ pub struct Renderer {
     queue: wgpu::Queue,
     format: wgpu::TextureFormat,
     grid: GridPass,
+    timer: Option<GpuTimer>,
     scene: Option<Scene>,
     surface: Option<Surface>,
 }
@@ -53,6 +56,7 @@ impl Renderer {
     pub fn new(device: &wgpu::Device, queue: &wgpu::Queue, format: wgpu::TextureFormat) -> Self {
         Self {
             grid: GridPass::new(device, queue, format),
+            timer: GpuTimer::new(device, queue),
             device: device.clone(),
             queue: queue.clone(),
             format,
@@ -65,18 +69,36 @@ impl Renderer {
     ///
     /// # Errors
     /// [`EngineError::DeviceTooSmall`].
-    pub fn render(&mut self, viewer: &mut Viewer, target: &wgpu::TextureView) -> Result<(), EngineError> {
-        let mut encoder = self.device.create_command_encoder(&wgpu::CommandEncoderDescriptor { label: Some("frame") });
-        let mut scene = match self.scene.take().filter(|scene| scene.viewer == viewer.id()) {
+    pub fn render(
+        &mut self,
+        viewer: &mut Viewer,
+        target: &wgpu::TextureView,
+    ) -> Result<(), EngineError> {
+        let mut encoder = self
+            .device
+            .create_command_encoder(&wgpu::CommandEncoderDescriptor {
+                label: Some("frame"),
+            });
+        let mut scene = match self
+            .scene
+            .take()
+            .filter(|scene| scene.viewer == viewer.id())
+        {
             Some(scene) => scene,
             None => Scene::new(&self.device, viewer)?,
         };
         scene.prepare(&self.device, &self.queue, &mut encoder, viewer)?;
-        let surface = match self.surface.take().filter(|surface| surface.size == viewer.viewport()) {
+        let surface = match self
+            .surface
+            .take()
+            .filter(|surface| surface.size == viewer.viewport())
+        {
             Some(surface) => surface,
             None => Surface::new(&self.device, viewer.viewport(), self.format),
         };
-        let frame = viewer.frame().unwrap_or(<Frame as bytemuck::Zeroable>::zeroed());
+        let frame = viewer
+            .frame()
+            .unwrap_or(<Frame as bytemuck::Zeroable>::zeroed());
         self.grid.set_frame(&self.queue, &frame);
         let background = clear_colour(viewer.options().background.0, self.format.is_srgb());
         {
@@ -99,16 +121,33 @@ impl Renderer {
                     }),
                     stencil_ops: None,
                 }),
+                timestamp_writes: self.timer.as_ref().map(GpuTimer::writes),
                 ..Default::default()
             });
             let textures = self.grid.bind(&self.device, &scene.atlas);
-            self.grid.draw(&mut pass, &textures, &scene.instances, viewer.draw_list(), viewer.options().shade);
+            self.grid.draw(
+                &mut pass,
+                &textures,
+                &scene.instances,
+                viewer.draw_list(),
+                viewer.options().shade,
+            );
+        }
+        if let Some(timer) = &self.timer {
+            timer.resolve(&mut encoder);
         }
         self.queue.submit([encoder.finish()]);
         self.scene = Some(scene);
         self.surface = Some(surface);
         viewer.mark_drawn();
         Ok(())
+    }
+}
+
+impl Renderer {
+    /// Times the frames drawn; `None` where the device cannot.
+    pub fn timer(&self) -> Option<&GpuTimer> {
+        self.timer.as_ref()
     }
 }
 
@@ -131,7 +170,10 @@ impl Scene {
     ) -> Result<(), EngineError> {
         if let Some(grown) = self.atlas.grown(device, encoder, viewer.texture_layers())? {
             // The copy has to come before the uploads, which the queue runs first of all it is given.
-            let copy = std::mem::replace(encoder, device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default()));
+            let copy = std::mem::replace(
+                encoder,
+                device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default()),
+            );
             queue.submit([copy.finish()]);
             self.atlas = grown;
         }
@@ -153,7 +195,11 @@ impl Surface {
         let texture = |label, format| {
             let texture = device.create_texture(&wgpu::TextureDescriptor {
                 label: Some(label),
-                size: wgpu::Extent3d { width: size.width, height: size.height, depth_or_array_layers: 1 },
+                size: wgpu::Extent3d {
+                    width: size.width,
+                    height: size.height,
+                    depth_or_array_layers: 1,
+                },
                 mip_level_count: 1,
                 sample_count: SAMPLES,
                 dimension: wgpu::TextureDimension::D2,
@@ -163,7 +209,11 @@ impl Surface {
             });
             texture.create_view(&wgpu::TextureViewDescriptor::default())
         };
-        Self { size, colour: texture("colour", format), depth: texture("depth", DEPTH_FORMAT) }
+        Self {
+            size,
+            colour: texture("colour", format),
+            depth: texture("depth", DEPTH_FORMAT),
+        }
     }
 }
 

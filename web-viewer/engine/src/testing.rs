@@ -9,8 +9,8 @@ use glam::DVec3;
 use marquetry_format::quadtree::PAGE_RESOLUTION;
 use marquetry_format::writer::{ChartInput, NodeInput, write_atlas};
 use marquetry_format::{
-    Chart, ChartId, ContentKind, Document, Error, Glue, Lattice, LatticePoint, Limits, Metadata, NodeId, NormalCone,
-    PageSamples, Side, octahedral,
+    Chart, ChartId, ContentKind, Document, Error, Glue, Lattice, LatticePoint, Limits, Metadata,
+    NodeId, NormalCone, PageSamples, Side, octahedral,
 };
 
 /// Geometric error, lattice units, that a made-up atlas claims at resolution 0; a quarter of it at each further one.
@@ -49,7 +49,11 @@ impl Random {
 pub fn metadata() -> Metadata {
     Metadata {
         kind: ContentKind::Scan,
-        lattice: Lattice { origin: [-1.0; 3], step: 2.0 / f64::from((1 << 21) - 1), shift: 2 },
+        lattice: Lattice {
+            origin: [-1.0; 3],
+            step: 2.0 / f64::from((1 << 21) - 1),
+            shift: 2,
+        },
         bounds_min: [-1.0; 3],
         bounds_max: [1.0; 3],
         up_axis: 1,
@@ -89,8 +93,11 @@ impl Shape {
         match self {
             Self::Cube => {
                 let [origin, along_u, along_v] = cube_face(chart);
-                let direction = (origin + 2.0 * u * along_u + 2.0 * v * along_v).normalize_or_zero();
-                let bump = (5.0 * direction.x).sin() * (4.0 * direction.y + 1.0).sin() * (6.0 * direction.z).cos();
+                let direction =
+                    (origin + 2.0 * u * along_u + 2.0 * v * along_v).normalize_or_zero();
+                let bump = (5.0 * direction.x).sin()
+                    * (4.0 * direction.y + 1.0).sin()
+                    * (6.0 * direction.z).cos();
                 (direction * (0.8 + 0.12 * bump), direction)
             }
             Self::Torus => {
@@ -101,13 +108,26 @@ impl Shape {
             }
             Self::Strip => {
                 let x = f64::from(chart) + u - 1.0;
-                (DVec3::new(0.9 * x, 1.6 * v - 0.8, 0.2 * (7.0 * x).sin() * (5.0 * v).cos()), DVec3::Z)
+                (
+                    DVec3::new(
+                        0.9 * x,
+                        1.6 * v - 0.8,
+                        0.2 * (7.0 * x).sin() * (5.0 * v).cos(),
+                    ),
+                    DVec3::Z,
+                )
             }
         }
     }
 
     fn glue(self, chart: u32, side: u8) -> Option<Glue> {
-        let to = |chart, side| Some(Glue { chart: ChartId(chart), side: Side(side), reversed: true });
+        let to = |chart, side| {
+            Some(Glue {
+                chart: ChartId(chart),
+                side: Side(side),
+                reversed: true,
+            })
+        };
         match self {
             Self::Torus => to(0, (side + 2) % 4),
             Self::Strip => match (chart, side) {
@@ -188,8 +208,13 @@ impl Shape {
         NodeInput {
             samples: self.samples(node, resolution),
             errors,
-            cone: NormalCone { axis: [0.0, 0.0, 1.0], cos: -1.0 },
-            children: split.then(|| Box::new(QUADRANTS.map(|quadrant| self.node(finest, node.child(quadrant))))),
+            cone: NormalCone {
+                axis: [0.0, 0.0, 1.0],
+                cos: -1.0,
+            },
+            children: split.then(|| {
+                Box::new(QUADRANTS.map(|quadrant| self.node(finest, node.child(quadrant))))
+            }),
         }
     }
 
@@ -197,13 +222,20 @@ impl Shape {
         let lattice = metadata().lattice;
         let side = (1u32 << resolution) + 1;
         let step = 0.5f64.powi(i32::from(resolution) + i32::from(node.level));
-        let mut samples = PageSamples { resolution, ..PageSamples::default() };
+        let mut samples = PageSamples {
+            resolution,
+            ..PageSamples::default()
+        };
         for (j, i) in (0..side).flat_map(|j| (0..side).map(move |i| (j, i))) {
             let along = |n: u32, k: u32| f64::from((n << resolution) + k) * step;
             let (position, normal) = self.at(node.chart.0, along(node.x, i), along(node.y, j));
             samples.positions.push(quantize(&lattice, position));
-            samples.normals.push(octahedral::encode(normal.as_vec3().to_array()));
-            samples.colours.push((127.5 + 120.0 * position).to_array().map(byte));
+            samples
+                .normals
+                .push(octahedral::encode(normal.as_vec3().to_array()));
+            samples
+                .colours
+                .push((127.5 + 120.0 * position).to_array().map(byte));
         }
         samples
     }
@@ -224,7 +256,10 @@ pub fn random_cut(random: &mut Random, charts: &[Chart], deepest: u8) -> Cut {
     let mut cut = Cut::coarsest(charts.len());
     for (chart, index) in charts.iter().zip(0u32..) {
         let id = ChartId(index);
-        cut.set_root(id, u8::try_from(random.below(u32::from(chart.resolution) + 1)).unwrap_or(0));
+        cut.set_root(
+            id,
+            u8::try_from(random.below(u32::from(chart.resolution) + 1)).unwrap_or(0),
+        );
         if chart.resolution < PAGE_RESOLUTION || random.below(2) == 0 {
             continue;
         }
@@ -284,12 +319,22 @@ fn cube_side(face: u32, side: u8) -> [[i32; 3]; 2] {
 fn quantize(lattice: &Lattice, position: DVec3) -> LatticePoint {
     let grid = f64::from(1u32 << lattice.shift);
     let scaled = (position - DVec3::from_array(lattice.origin)) / (lattice.step * grid);
-    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "the shapes lie inside the lattice")]
-    scaled.to_array().map(|c| (c.round().max(0.0) * grid) as u32)
+    #[expect(
+        clippy::cast_possible_truncation,
+        clippy::cast_sign_loss,
+        reason = "the shapes lie inside the lattice"
+    )]
+    scaled
+        .to_array()
+        .map(|c| (c.round().max(0.0) * grid) as u32)
 }
 
 fn byte(value: f64) -> u8 {
-    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped to a byte")]
+    #[expect(
+        clippy::cast_possible_truncation,
+        clippy::cast_sign_loss,
+        reason = "clamped to a byte"
+    )]
     let byte = value.round().clamp(0.0, 255.0) as u8;
     byte
 }

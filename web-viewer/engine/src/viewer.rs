@@ -100,8 +100,10 @@ impl Viewer {
             ContentKind::Terrain => return Err(EngineError::UnsupportedContent("terrain")),
             ContentKind::Scene => return Err(EngineError::UnsupportedContent("scene")),
         }
-        let table = PageTable::new(&document)
-            .ok_or(EngineError::DeviceTooSmall { needed: MAX_LAYERS + 1, available: MAX_LAYERS })?;
+        let table = PageTable::new(&document).ok_or(EngineError::DeviceTooSmall {
+            needed: MAX_LAYERS + 1,
+            available: MAX_LAYERS,
+        })?;
         let coarsest = Cut::coarsest(document.charts.len());
         Ok(Self {
             id: NEXT_ID.fetch_add(1, Ordering::Relaxed),
@@ -120,7 +122,10 @@ impl Viewer {
             picture_is_stale: true,
             redraw: true,
             budget_step: 0,
-            wanted: Wanted { cut: coarsest.clone(), blocks: BTreeSet::new() },
+            wanted: Wanted {
+                cut: coarsest.clone(),
+                blocks: BTreeSet::new(),
+            },
             needed: Vec::new(),
             needed_index: HashMap::new(),
             pinned: HashSet::new(),
@@ -180,7 +185,11 @@ impl Viewer {
             Action::Ignored => false,
             Action::Taken => true,
             Action::ToggleShade(shade) => {
-                self.options.shade = if self.options.shade == shade { Shade::Lit } else { shade };
+                self.options.shade = if self.options.shade == shade {
+                    Shade::Lit
+                } else {
+                    shade
+                };
                 self.picture_is_stale = true;
                 true
             }
@@ -189,7 +198,11 @@ impl Viewer {
 
     /// Advances by `seconds`: decodes what was delivered, chooses the cut, morphs, and says what to fetch now.
     pub fn update(&mut self, seconds: f64, viewport: Viewport) -> Vec<Request> {
-        let seconds = if seconds.is_finite() { seconds.max(0.0) } else { 0.0 };
+        let seconds = if seconds.is_finite() {
+            seconds.max(0.0)
+        } else {
+            0.0
+        };
         self.clock += seconds;
         let view = self.look(viewport);
         self.decode_arrived();
@@ -198,7 +211,9 @@ impl Viewer {
         }
         if self.target_is_stale {
             self.target_is_stale = false;
-            self.target = restrict(&self.wanted.cut, &self.document, |page| self.table.contains(page));
+            self.target = restrict(&self.wanted.cut, &self.document, |page| {
+                self.table.contains(page)
+            });
         }
         self.animate(seconds);
         if self.picture_is_stale {
@@ -214,7 +229,9 @@ impl Viewer {
     /// A failure (also bytes that are too few, too many or corrupt) is asked for again later, ever more slowly;
     /// see [`Viewer::take_failures`]. Unknown ids are ignored.
     pub fn deliver(&mut self, id: RequestId, answer: Result<Vec<u8>, String>) {
-        if let Delivery::Block(block, bytes) = self.fetcher.deliver(self.clock, &self.document, id, answer) {
+        if let Delivery::Block(block, bytes) =
+            self.fetcher.deliver(self.clock, &self.document, id, answer)
+        {
             match self.document.load_index_block(block, &bytes) {
                 Ok(()) => {
                     self.fetcher.succeed(Item::Block(block));
@@ -300,7 +317,11 @@ impl Viewer {
     pub fn progress(&self) -> f64 {
         let missing = self.missing().count() + self.wanted.blocks.len();
         let all = self.needed.len() + self.wanted.blocks.len();
-        if missing == 0 { 1.0 } else { (all - missing) as f64 / all as f64 }
+        if missing == 0 {
+            1.0
+        } else {
+            (all - missing) as f64 / all as f64
+        }
     }
 
     /// Lets only pages that pass the filter be fetched: for tests of arbitrary cache states. `None` lifts it.
@@ -326,7 +347,11 @@ impl Viewer {
 
     pub(crate) fn frame(&self) -> Option<Frame> {
         let view = self.view.as_ref()?;
-        Some(Frame::new(view, self.options.shade, self.document.metadata.has_colours))
+        Some(Frame::new(
+            view,
+            self.options.shade,
+            self.document.metadata.has_colours,
+        ))
     }
 
     pub(crate) fn viewport(&self) -> Viewport {
@@ -350,7 +375,9 @@ impl Viewer {
     }
 
     fn missing(&self) -> impl Iterator<Item = &Needed> {
-        self.needed.iter().filter(|needed| !self.table.contains(needed.what.page))
+        self.needed
+            .iter()
+            .filter(|needed| !self.table.contains(needed.what.page))
     }
 
     /// The view of the present camera; notes whether it is another one than before.
@@ -372,14 +399,16 @@ impl Viewer {
         if self.drawn.is_at_rest(&self.target) {
             return;
         }
-        let at_once = self.options.transition == Transition::None || self.options.morph_seconds == 0.0;
+        let at_once =
+            self.options.transition == Transition::None || self.options.morph_seconds == 0.0;
         // Nothing has been shown yet, or nothing is to be seen of the change.
         if at_once || self.draw_list.instances.is_empty() {
             self.drawn = Drawn::at_rest(self.target.clone());
         } else {
             #[expect(clippy::cast_possible_truncation, reason = "between 0 and 1")]
             let step = (seconds.min(LONGEST_STEP) / self.options.morph_seconds).min(1.0) as f32;
-            self.drawn.advance(&self.target, &self.document.charts, step);
+            self.drawn
+                .advance(&self.target, &self.document.charts, step);
         }
         self.pin();
         self.picture_is_stale = true;
@@ -394,17 +423,23 @@ impl Viewer {
             if !view.sees(&bounds) {
                 return None;
             }
-            let base = usize::try_from(leaf.node.chart.0).ok().and_then(|chart| self.table.base_slot(chart))?;
+            let base = usize::try_from(leaf.node.chart.0)
+                .ok()
+                .and_then(|chart| self.table.base_slot(chart))?;
             let slot = if leaf.node.level == 0 && leaf.resolution <= base.resolution {
                 base
             } else {
                 self.table.slot(document.page_of_node(leaf.node)?)?
             };
             let sides = side_modes(&drawn.cut, &drawn.morphs, &document.charts, leaf);
-            Some(Instance::new(leaf, slot, morph_of(&drawn.morphs, leaf), sides))
+            Some(Instance::new(
+                leaf,
+                slot,
+                morph_of(&drawn.morphs, leaf),
+                sides,
+            ))
         });
     }
-
 }
 
 #[cfg(test)]

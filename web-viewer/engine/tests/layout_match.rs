@@ -16,12 +16,16 @@ fn frame_has_the_same_members_in_the_same_places() {
         .types
         .iter()
         .find_map(|(_, ty)| match &ty.inner {
-            naga::TypeInner::Struct { members, span } if ty.name.as_deref() == Some("Frame") => Some((members, *span)),
+            naga::TypeInner::Struct { members, span } if ty.name.as_deref() == Some("Frame") => {
+                Some((members, *span))
+            }
             _ => None,
         })
         .unwrap();
-    let wgsl: Vec<(&str, usize)> =
-        members.iter().map(|m| (m.name.as_deref().unwrap(), m.offset as usize)).collect();
+    let wgsl: Vec<(&str, usize)> = members
+        .iter()
+        .map(|m| (m.name.as_deref().unwrap(), m.offset as usize))
+        .collect();
     let rust = [
         ("clip_from_offset", offset_of!(Frame, clip_from_offset)),
         ("eye_whole", offset_of!(Frame, eye_whole)),
@@ -49,20 +53,33 @@ fn instance_attributes_cover_the_instance() {
 #[test]
 fn instance_attributes_have_the_types_of_the_shader() {
     let module = module();
-    for entry in module.entry_points.iter().filter(|entry| entry.stage == naga::ShaderStage::Vertex) {
+    for entry in module
+        .entry_points
+        .iter()
+        .filter(|entry| entry.stage == naga::ShaderStage::Vertex)
+    {
         for argument in &entry.function.arguments {
-            let Some(naga::Binding::Location { location, .. }) = &argument.binding else { continue };
+            let Some(naga::Binding::Location { location, .. }) = &argument.binding else {
+                continue;
+            };
             let format = match &module.types[argument.ty].inner {
-                naga::TypeInner::Vector { size: naga::VectorSize::Quad, scalar } if *scalar == naga::Scalar::U32 => {
-                    VertexFormat::Uint32x4
+                naga::TypeInner::Vector {
+                    size: naga::VectorSize::Quad,
+                    scalar,
+                } if *scalar == naga::Scalar::U32 => VertexFormat::Uint32x4,
+                naga::TypeInner::Vector {
+                    size: naga::VectorSize::Quad,
+                    scalar,
+                } if *scalar == naga::Scalar::F32 => VertexFormat::Float32x4,
+                naga::TypeInner::Scalar(scalar) if *scalar == naga::Scalar::F32 => {
+                    VertexFormat::Float32
                 }
-                naga::TypeInner::Vector { size: naga::VectorSize::Quad, scalar } if *scalar == naga::Scalar::F32 => {
-                    VertexFormat::Float32x4
-                }
-                naga::TypeInner::Scalar(scalar) if *scalar == naga::Scalar::F32 => VertexFormat::Float32,
                 other => panic!("location {location} is {other:?}"),
             };
-            let attribute = Instance::ATTRIBUTES.iter().find(|a| a.shader_location == *location).unwrap();
+            let attribute = Instance::ATTRIBUTES
+                .iter()
+                .find(|a| a.shader_location == *location)
+                .unwrap();
             assert_eq!(attribute.format, format, "location {location}");
         }
     }

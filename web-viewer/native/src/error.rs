@@ -8,7 +8,9 @@ use std::path::PathBuf;
 #[non_exhaustive]
 pub enum NativeError {
     /// No GPU, not even a software one.
-    #[error("no graphics adapter: install a Vulkan driver (on Debian, mesa-vulkan-drivers has one in software): {0}")]
+    #[error(
+        "no graphics adapter: install a Vulkan driver (on Debian, mesa-vulkan-drivers has one in software): {0}"
+    )]
     NoAdapter(String),
     /// The adapter refused to make a device.
     #[error("the graphics adapter {adapter} gives no device: {cause}")]

@@ -30,7 +30,8 @@ impl Headless {
     /// # Errors
     /// [`NativeError::NoAdapter`], [`NativeError::NoDevice`].
     pub fn new() -> Result<Self, NativeError> {
-        let instance = wgpu::Instance::new(wgpu::InstanceDescriptor::new_without_display_handle_from_env());
+        let instance =
+            wgpu::Instance::new(wgpu::InstanceDescriptor::new_without_display_handle_from_env());
         let options = wgpu::RequestAdapterOptions {
             power_preference: wgpu::PowerPreference::HighPerformance,
             ..Default::default()
@@ -38,7 +39,11 @@ impl Headless {
         let adapter = pollster::block_on(instance.request_adapter(&options))
             .map_err(|error| NativeError::NoAdapter(error.to_string()))?;
         let (device, queue) = device_of(&adapter)?;
-        Ok(Self { device, queue, adapter: adapter_name(&adapter) })
+        Ok(Self {
+            device,
+            queue,
+            adapter: adapter_name(&adapter),
+        })
     }
 
     /// Name of the adapter, with its driver.
@@ -60,7 +65,11 @@ impl Headless {
     ///
     /// # Errors
     /// When the file cannot be opened or shown, or an option is outside its range.
-    pub fn session(&self, source: &Arc<dyn ByteSource>, options: ViewerOptions) -> Result<Session, NativeError> {
+    pub fn session(
+        &self,
+        source: &Arc<dyn ByteSource>,
+        options: ViewerOptions,
+    ) -> Result<Session, NativeError> {
         let document = Document::open(source.as_ref(), Limits::default())?;
         Ok(Session {
             viewer: Viewer::new(document, options)?,
@@ -73,20 +82,33 @@ impl Headless {
 }
 
 /// A device of `adapter`, with what the engine needs.
-pub(crate) fn device_of(adapter: &wgpu::Adapter) -> Result<(wgpu::Device, wgpu::Queue), NativeError> {
+pub(crate) fn device_of(
+    adapter: &wgpu::Adapter,
+) -> Result<(wgpu::Device, wgpu::Queue), NativeError> {
     let descriptor = wgpu::DeviceDescriptor {
         label: Some("marquetry"),
+        required_features: adapter.features() & wgpu::Features::TIMESTAMP_QUERY,
         required_limits: Renderer::limits(adapter),
         ..Default::default()
     };
-    pollster::block_on(adapter.request_device(&descriptor))
-        .map_err(|cause| NativeError::NoDevice { adapter: adapter_name(adapter), cause })
+    pollster::block_on(adapter.request_device(&descriptor)).map_err(|cause| NativeError::NoDevice {
+        adapter: adapter_name(adapter),
+        cause,
+    })
 }
 
 fn adapter_name(adapter: &wgpu::Adapter) -> String {
     let info = adapter.get_info();
-    let driver = if info.driver_info.is_empty() { info.driver } else { info.driver_info };
-    if driver.is_empty() { info.name } else { format!("{} ({driver})", info.name) }
+    let driver = if info.driver_info.is_empty() {
+        info.driver
+    } else {
+        info.driver_info
+    };
+    if driver.is_empty() {
+        info.name
+    } else {
+        format!("{} ({driver})", info.name)
+    }
 }
 
 /// A file being looked at without a window.
@@ -121,7 +143,10 @@ impl Session {
             if stats.failures.saturating_sub(before) >= FAILURES {
                 let mut reasons = self.viewer.take_failures();
                 reasons.dedup();
-                return Err(NativeError::Incomplete { missing: stats.pages.missing, reasons });
+                return Err(NativeError::Incomplete {
+                    missing: stats.pages.missing,
+                    reasons,
+                });
             }
         }
     }
@@ -131,7 +156,10 @@ impl Session {
         let requests = self.viewer.update(seconds, viewport);
         self.loader.ask(requests);
         let idle = self.loader.in_flight() > 0 && !self.viewer.is_settled();
-        self.loader.deliver(&mut self.viewer, if idle { patience } else { Duration::ZERO });
+        self.loader.deliver(
+            &mut self.viewer,
+            if idle { patience } else { Duration::ZERO },
+        );
     }
 
     /// Draws what the viewer shows now, and waits until the GPU is done. The time until it had its commands.
@@ -144,13 +172,25 @@ impl Session {
         let most = device.limits().max_texture_dimension_2d;
         let Viewport { width, height } = viewport;
         if width == 0 || height == 0 || width > most || height > most {
-            return Err(NativeError::Size { width, height, most });
+            return Err(NativeError::Size {
+                width,
+                height,
+                most,
+            });
         }
-        let target = match self.target.take().filter(|t| t.width() == width && t.height() == height) {
+        let target = match self
+            .target
+            .take()
+            .filter(|t| t.width() == width && t.height() == height)
+        {
             Some(target) => target,
             None => device.create_texture(&wgpu::TextureDescriptor {
                 label: Some("picture"),
-                size: wgpu::Extent3d { width, height, depth_or_array_layers: 1 },
+                size: wgpu::Extent3d {
+                    width,
+                    height,
+                    depth_or_array_layers: 1,
+                },
                 mip_level_count: 1,
                 sample_count: 1,
                 dimension: wgpu::TextureDimension::D2,
@@ -167,13 +207,21 @@ impl Session {
         Ok(submitted)
     }
 
+    /// Milliseconds that the GPU took for what was drawn last; `None` where that cannot be measured.
+    pub fn gpu_ms(&self) -> Option<f64> {
+        self.renderer.timer()?.wait_ms(&self.headless.device)
+    }
+
     /// The picture that was drawn last.
     ///
     /// # Errors
     /// [`NativeError::ReadBack`].
     pub fn read_back(&self) -> Result<Picture, NativeError> {
         let failed = |reason: &str| NativeError::ReadBack(reason.to_owned());
-        let target = self.target.as_ref().ok_or_else(|| failed("nothing was drawn"))?;
+        let target = self
+            .target
+            .as_ref()
+            .ok_or_else(|| failed("nothing was drawn"))?;
         let (width, height) = (target.width(), target.height());
         let row_bytes = 4 * width;
         let padded = row_bytes.next_multiple_of(wgpu::COPY_BYTES_PER_ROW_ALIGNMENT);
@@ -185,34 +233,50 @@ impl Session {
             mapped_at_creation: false,
         });
         let mut encoder = device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
-        let layout =
-            wgpu::TexelCopyBufferLayout { offset: 0, bytes_per_row: Some(padded), rows_per_image: Some(height) };
+        let layout = wgpu::TexelCopyBufferLayout {
+            offset: 0,
+            bytes_per_row: Some(padded),
+            rows_per_image: Some(height),
+        };
         encoder.copy_texture_to_buffer(
             target.as_image_copy(),
-            wgpu::TexelCopyBufferInfo { buffer: &buffer, layout },
+            wgpu::TexelCopyBufferInfo {
+                buffer: &buffer,
+                layout,
+            },
             target.size(),
         );
         queue.submit([encoder.finish()]);
         let (sender, receiver) = std::sync::mpsc::channel();
-        buffer.slice(..).map_async(wgpu::MapMode::Read, move |result| {
-            // The receiver waits below until this was sent.
-            let _ = sender.send(result);
-        });
+        buffer
+            .slice(..)
+            .map_async(wgpu::MapMode::Read, move |result| {
+                // The receiver waits below until this was sent.
+                let _ = sender.send(result);
+            });
         self.wait()?;
         match receiver.recv() {
             Ok(Ok(())) => {}
             Ok(Err(error)) => return Err(NativeError::ReadBack(error.to_string())),
             Err(_) => return Err(failed("the device was lost")),
         }
-        let mapped =
-            buffer.slice(..).get_mapped_range().map_err(|error| NativeError::ReadBack(error.to_string()))?;
-        let rows = usize::try_from(padded).ok().zip(usize::try_from(row_bytes).ok());
+        let mapped = buffer
+            .slice(..)
+            .get_mapped_range()
+            .map_err(|error| NativeError::ReadBack(error.to_string()))?;
+        let rows = usize::try_from(padded)
+            .ok()
+            .zip(usize::try_from(row_bytes).ok());
         let (padded, row_bytes) = rows.ok_or_else(|| failed("the picture is too large"))?;
         let mut rgba = Vec::with_capacity(mapped.len());
         for row in mapped.chunks_exact(padded) {
             rgba.extend_from_slice(row.get(..row_bytes).unwrap_or(row));
         }
-        Ok(Picture { width, height, rgba })
+        Ok(Picture {
+            width,
+            height,
+            rgba,
+        })
     }
 
     /// Settles, draws and reads back.

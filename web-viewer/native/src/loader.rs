@@ -21,17 +21,27 @@ pub(crate) struct Loader {
 
 impl Loader {
     /// Reads from `source`, calling `wake` after each answer.
-    pub(crate) fn new(source: &Arc<dyn ByteSource>, wake: impl Fn() + Send + Clone + 'static) -> Self {
+    pub(crate) fn new(
+        source: &Arc<dyn ByteSource>,
+        wake: impl Fn() + Send + Clone + 'static,
+    ) -> Self {
         let (requests, jobs) = channel::<Request>();
         let (sender, answers) = channel::<Answer>();
         let jobs = Arc::new(Mutex::new(jobs));
         for _ in 0..THREADS {
-            let (jobs, sender, source, wake) = (Arc::clone(&jobs), sender.clone(), Arc::clone(source), wake.clone());
+            let (jobs, sender, source, wake) = (
+                Arc::clone(&jobs),
+                sender.clone(),
+                Arc::clone(source),
+                wake.clone(),
+            );
             std::thread::spawn(move || {
                 loop {
                     let job = jobs.lock().unwrap_or_else(PoisonError::into_inner).recv();
                     let Ok(request) = job else { break };
-                    let answer = source.read(request.range).map_err(|error| error.to_string());
+                    let answer = source
+                        .read(request.range)
+                        .map_err(|error| error.to_string());
                     if sender.send((request.id, answer)).is_err() {
                         break;
                     }
@@ -39,7 +49,11 @@ impl Loader {
                 }
             });
         }
-        Self { requests, answers, in_flight: 0 }
+        Self {
+            requests,
+            answers,
+            in_flight: 0,
+        }
     }
 
     /// Starts reading.

@@ -26,7 +26,10 @@ pub struct CameraPath {
 #[serde(untagged)]
 enum File {
     List(Vec<Entry>),
-    Object { cameras: Vec<Entry>, fps: Option<f64> },
+    Object {
+        cameras: Vec<Entry>,
+        fps: Option<f64>,
+    },
 }
 
 #[derive(serde::Deserialize)]
@@ -42,20 +45,31 @@ enum Entry {
 /// # Errors
 /// When the file cannot be read or is not a camera path.
 pub fn read(path: &Path, metadata: &Metadata) -> Result<CameraPath, NativeError> {
-    let text = std::fs::read_to_string(path).map_err(|cause| NativeError::File { path: path.to_owned(), cause })?;
-    parse(&text, metadata).map_err(|reason| NativeError::CameraPath { path: path.to_owned(), reason })
+    let text = std::fs::read_to_string(path).map_err(|cause| NativeError::File {
+        path: path.to_owned(),
+        cause,
+    })?;
+    parse(&text, metadata).map_err(|reason| NativeError::CameraPath {
+        path: path.to_owned(),
+        reason,
+    })
 }
 
 fn parse(text: &str, metadata: &Metadata) -> Result<CameraPath, String> {
-    const EXPECTED: &str = "expected a list of cameras, each \"ex,ey,ez,tx,ty,tz\", six numbers, or {eye, target}";
-    let value: serde_json::Value = serde_json::from_str(text).map_err(|error| format!("not JSON: {error}"))?;
+    const EXPECTED: &str =
+        "expected a list of cameras, each \"ex,ey,ez,tx,ty,tz\", six numbers, or {eye, target}";
+    let value: serde_json::Value =
+        serde_json::from_str(text).map_err(|error| format!("not JSON: {error}"))?;
     let file = serde_json::from_value(value).map_err(|error| format!("{EXPECTED} ({error})"))?;
     let (entries, fps) = match file {
         File::List(entries) => (entries, None),
         File::Object { cameras, fps } => (cameras, fps),
     };
     if entries.is_empty() || entries.len() > MOST_CAMERAS {
-        return Err(format!("{} cameras; 1 to {MOST_CAMERAS} are possible", entries.len()));
+        return Err(format!(
+            "{} cameras; 1 to {MOST_CAMERAS} are possible",
+            entries.len()
+        ));
     }
     if fps.is_some_and(|fps| !(fps.is_finite() && fps > 0.0)) {
         return Err("fps must be above 0".to_owned());
@@ -64,11 +78,18 @@ fn parse(text: &str, metadata: &Metadata) -> Result<CameraPath, String> {
         let text = match entry {
             Entry::Text(text) => text,
             Entry::Numbers(numbers) => numbers.map(|n| n.to_string()).join(","),
-            Entry::Points { eye: [a, b, c], target: [d, e, f] } => [a, b, c, d, e, f].map(|n| n.to_string()).join(","),
+            Entry::Points {
+                eye: [a, b, c],
+                target: [d, e, f],
+            } => [a, b, c, d, e, f].map(|n| n.to_string()).join(","),
         };
         Camera::parse(metadata, &text).map_err(|error| format!("camera {index}: {error}"))
     };
-    let cameras = entries.into_iter().enumerate().map(camera).collect::<Result<_, _>>()?;
+    let cameras = entries
+        .into_iter()
+        .enumerate()
+        .map(camera)
+        .collect::<Result<_, _>>()?;
     Ok(CameraPath { cameras, fps })
 }
 

@@ -23,7 +23,9 @@ impl Picture {
         if x >= self.width || y >= self.height {
             return None;
         }
-        let start = usize::try_from(u64::from(y) * u64::from(self.width) + u64::from(x)).ok()?.checked_mul(4)?;
+        let start = usize::try_from(u64::from(y) * u64::from(self.width) + u64::from(x))
+            .ok()?
+            .checked_mul(4)?;
         self.rgba.get(start..start.checked_add(4)?)?.try_into().ok()
     }
 
@@ -34,15 +36,29 @@ impl Picture {
     pub fn write_png(&self, path: &Path) -> Result<(), NativeError> {
         let mut png = Vec::new();
         PngEncoder::new(&mut png)
-            .write_image(&self.rgba, self.width, self.height, ExtendedColorType::Rgba8)
-            .map_err(|cause| NativeError::Encode { path: path.to_owned(), cause })?;
-        write_whole(path, &png).map_err(|cause| NativeError::File { path: path.to_owned(), cause })
+            .write_image(
+                &self.rgba,
+                self.width,
+                self.height,
+                ExtendedColorType::Rgba8,
+            )
+            .map_err(|cause| NativeError::Encode {
+                path: path.to_owned(),
+                cause,
+            })?;
+        write_whole(path, &png).map_err(|cause| NativeError::File {
+            path: path.to_owned(),
+            cause,
+        })
     }
 }
 
 /// Writes beside `path`, syncs, renames.
 fn write_whole(path: &Path, bytes: &[u8]) -> std::io::Result<()> {
-    let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    let folder = path
+        .parent()
+        .filter(|folder| !folder.as_os_str().is_empty())
+        .unwrap_or(Path::new("."));
     let mut file = tempfile::NamedTempFile::new_in(folder)?;
     file.write_all(bytes)?;
     file.as_file().sync_all()?;
@@ -71,9 +87,15 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("x.png");
         std::fs::write(&path, b"old").unwrap();
-        let picture = Picture { width: 2, height: 1, rgba: vec![255, 0, 255, 255, 1, 2, 3, 255] };
+        let picture = Picture {
+            width: 2,
+            height: 1,
+            rgba: vec![255, 0, 255, 255, 1, 2, 3, 255],
+        };
         picture.write_png(&path).unwrap();
-        let read = image::load_from_memory(&std::fs::read(&path).unwrap()).unwrap().to_rgba8();
+        let read = image::load_from_memory(&std::fs::read(&path).unwrap())
+            .unwrap()
+            .to_rgba8();
         assert_eq!(read.as_raw(), &picture.rgba);
         assert_eq!(picture.pixel(1, 0), Some([1, 2, 3, 255]));
         assert_eq!(picture.pixel(0, 1), None);
@@ -82,8 +104,14 @@ mod tests {
 
     #[test]
     fn a_folder_that_does_not_exist_is_named() {
-        let picture = Picture { width: 1, height: 1, rgba: vec![0; 4] };
-        let error = picture.write_png(Path::new("/does/not/exist/x.png")).unwrap_err();
+        let picture = Picture {
+            width: 1,
+            height: 1,
+            rgba: vec![0; 4],
+        };
+        let error = picture
+            .write_png(Path::new("/does/not/exist/x.png"))
+            .unwrap_err();
         assert!(error.to_string().contains("/does/not/exist/x.png"));
     }
 }

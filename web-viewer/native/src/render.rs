@@ -27,7 +27,10 @@ pub enum Eye {
 
 impl Default for Eye {
     fn default() -> Self {
-        Self::Standard { view: 0, distance: STANDARD_DISTANCE }
+        Self::Standard {
+            view: 0,
+            distance: STANDARD_DISTANCE,
+        }
     }
 }
 
@@ -44,7 +47,11 @@ pub struct RenderOptions {
 
 impl Default for RenderOptions {
     fn default() -> Self {
-        Self { size: Viewport::new(1280, 720), eye: Eye::default(), viewer: ViewerOptions::default() }
+        Self {
+            size: Viewport::new(1280, 720),
+            eye: Eye::default(),
+            viewer: ViewerOptions::default(),
+        }
     }
 }
 
@@ -115,14 +122,19 @@ pub fn render_png(
 ) -> Result<RenderReport, NativeError> {
     let headless = Headless::new()?;
     let mut session = headless.session(source, options.viewer.clone())?;
-    let CameraPath { cameras, fps } = cameras_of(&options.eye, &session.viewer().document().metadata)?;
+    let CameraPath { cameras, fps } =
+        cameras_of(&options.eye, &session.viewer().document().metadata)?;
     let mut times = Times::default();
     for (index, camera) in cameras.iter().enumerate() {
         let picture = match fps.filter(|_| index > 0) {
             None => settled_frame(&mut session, *camera, options.size, &mut times)?,
             Some(fps) => moving_frame(&mut session, *camera, options.size, 1.0 / fps, &mut times)?,
         };
-        let path = if cameras.len() == 1 { output.to_owned() } else { numbered(output, index) };
+        let path = if cameras.len() == 1 {
+            output.to_owned()
+        } else {
+            numbered(output, index)
+        };
         picture.write_png(&path)?;
         progress(index + 1, cameras.len());
     }
@@ -161,12 +173,17 @@ fn moving_frame(
     timed_frame(session, size, seconds, times)
 }
 
-fn timed_frame(session: &mut Session, size: Viewport, seconds: f64, times: &mut Times) -> Result<Picture, NativeError> {
+fn timed_frame(
+    session: &mut Session,
+    size: Viewport,
+    seconds: f64,
+    times: &mut Times,
+) -> Result<Picture, NativeError> {
     let start = Instant::now();
     session.step(seconds, size, Duration::ZERO);
     let updated = start.elapsed();
     let submitted = session.draw(size)?;
-    times.add(start.elapsed(), updated + submitted);
+    times.add(start.elapsed(), updated + submitted, session.gpu_ms());
     session.read_back()
 }
 
@@ -182,10 +199,12 @@ struct Times {
     frames: u32,
     frame: Duration,
     cpu: Duration,
+    gpu_ms: Option<f64>,
 }
 
 impl Times {
-    fn add(&mut self, frame: Duration, cpu: Duration) {
+    fn add(&mut self, frame: Duration, cpu: Duration, gpu_ms: Option<f64>) {
+        self.gpu_ms = gpu_ms.map(|ms| ms + self.gpu_ms.unwrap_or(0.0));
         self.frames += 1;
         self.frame += frame;
         self.cpu += cpu;
@@ -197,7 +216,9 @@ impl Times {
             frames: u64::from(self.frames),
             frame_ms: mean_ms(self.frame),
             cpu_ms: mean_ms(self.cpu),
-            gpu_ms: None,
+            gpu_ms: self
+                .gpu_ms
+                .map(|total| total / f64::from(self.frames.max(1))),
             triangles: stats.triangles,
             nodes: stats.nodes,
             draw_calls: stats.draw_calls,
@@ -225,7 +246,10 @@ mod tests {
 
     #[test]
     fn frames_are_numbered_before_the_extension() {
-        assert_eq!(numbered(Path::new("a/b.c.png"), 12), Path::new("a/b.c-0012.png"));
+        assert_eq!(
+            numbered(Path::new("a/b.c.png"), 12),
+            Path::new("a/b.c-0012.png")
+        );
         assert_eq!(numbered(Path::new("frame"), 0), Path::new("frame-0000"));
     }
 }

@@ -13,7 +13,9 @@ use std::sync::Arc;
 /// # Errors
 /// When the file cannot be opened, or the server does not have it or does not serve ranges of it.
 pub fn open(path_or_url: &str) -> Result<Box<dyn ByteSource>, SourceError> {
-    let scheme = path_or_url.split_once("://").map(|(scheme, _)| scheme.to_ascii_lowercase());
+    let scheme = path_or_url
+        .split_once("://")
+        .map(|(scheme, _)| scheme.to_ascii_lowercase());
     if matches!(scheme.as_deref(), Some("http" | "https")) {
         Ok(Box::new(HttpSource::open(path_or_url)?))
     } else {

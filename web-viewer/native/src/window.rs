@@ -4,14 +4,17 @@ use crate::NativeError;
 use crate::headless::device_of;
 use crate::loader::Loader;
 use marquetry_engine::{
-    InputEvent, Key, Modifiers, PointerButton, PointerKind, Renderer, Viewer, ViewerOptions, Viewport, wgpu,
+    InputEvent, Key, Modifiers, PointerButton, PointerKind, Renderer, Viewer, ViewerOptions,
+    Viewport, wgpu,
 };
 use marquetry_format::{ByteSource, Document, Limits};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 use winit::application::ApplicationHandler;
 use winit::dpi::LogicalSize;
-use winit::event::{ElementState, MouseButton, MouseScrollDelta, StartCause, TouchPhase, WindowEvent};
+use winit::event::{
+    ElementState, MouseButton, MouseScrollDelta, StartCause, TouchPhase, WindowEvent,
+};
 use winit::event_loop::{ActiveEventLoop, ControlFlow, EventLoop, EventLoopProxy};
 use winit::keyboard::{Key as LogicalKey, ModifiersState};
 use winit::window::{Window, WindowId};
@@ -32,7 +35,9 @@ pub fn view(source: &Arc<dyn ByteSource>, options: ViewerOptions) -> Result<(), 
     let title = format!("{} – Marquetry", document.metadata.source_name);
     let viewer = Viewer::new(document, options)?;
     let window_error = |error: &dyn std::fmt::Display| NativeError::Window(error.to_string());
-    let events = EventLoop::<Wake>::with_user_event().build().map_err(|error| window_error(&error))?;
+    let events = EventLoop::<Wake>::with_user_event()
+        .build()
+        .map_err(|error| window_error(&error))?;
     let proxy: EventLoopProxy<Wake> = events.create_proxy();
     let loader = Loader::new(source, move || {
         // Fails only when the window is gone, and then nobody waits.
@@ -48,7 +53,9 @@ pub fn view(source: &Arc<dyn ByteSource>, options: ViewerOptions) -> Result<(), 
         modifiers: ModifiersState::empty(),
         last_update: Instant::now(),
     };
-    events.run_app(&mut app).map_err(|error| window_error(&error))?;
+    events
+        .run_app(&mut app)
+        .map_err(|error| window_error(&error))?;
     app.failure.map_or(Ok(()), Err)
 }
 
@@ -81,14 +88,20 @@ struct Shown {
 
 impl Shown {
     fn new(events: &ActiveEventLoop, title: &str) -> Result<Self, NativeError> {
-        let attributes = Window::default_attributes().with_title(title).with_inner_size(LogicalSize::new(1280, 720));
-        let window = events.create_window(attributes).map_err(|error| NativeError::Window(error.to_string()))?;
+        let attributes = Window::default_attributes()
+            .with_title(title)
+            .with_inner_size(LogicalSize::new(1280, 720));
+        let window = events
+            .create_window(attributes)
+            .map_err(|error| NativeError::Window(error.to_string()))?;
         let window = Arc::new(window);
-        let instance = wgpu::Instance::new(wgpu::InstanceDescriptor::new_with_display_handle_from_env(Box::new(
-            events.owned_display_handle(),
-        )));
-        let surface =
-            instance.create_surface(Arc::clone(&window)).map_err(|error| NativeError::Window(error.to_string()))?;
+        let instance =
+            wgpu::Instance::new(wgpu::InstanceDescriptor::new_with_display_handle_from_env(
+                Box::new(events.owned_display_handle()),
+            ));
+        let surface = instance
+            .create_surface(Arc::clone(&window))
+            .map_err(|error| NativeError::Window(error.to_string()))?;
         let options = wgpu::RequestAdapterOptions {
             power_preference: wgpu::PowerPreference::HighPerformance,
             compatible_surface: Some(&surface),
@@ -100,14 +113,24 @@ impl Shown {
         let size = window.inner_size();
         let mut config = surface
             .get_default_config(&adapter, size.width.max(1), size.height.max(1))
-            .ok_or_else(|| NativeError::Window("the adapter cannot draw to this window".to_owned()))?;
+            .ok_or_else(|| {
+                NativeError::Window("the adapter cannot draw to this window".to_owned())
+            })?;
         let view_format = config.format.add_srgb_suffix();
         if view_format != config.format {
             config.view_formats.push(view_format);
         }
         surface.configure(&device, &config);
         let renderer = Renderer::new(&device, &queue, view_format);
-        Ok(Self { window, surface, config, device, queue, renderer, view_format })
+        Ok(Self {
+            window,
+            surface,
+            config,
+            device,
+            queue,
+            renderer,
+            view_format,
+        })
     }
 
     fn viewport(&self) -> Viewport {
@@ -227,7 +250,10 @@ impl App {
             _ => return,
         };
         if let Some(key) = Key::from_name(&name) {
-            self.input(InputEvent::KeyDown { key, modifiers: self.keys() });
+            self.input(InputEvent::KeyDown {
+                key,
+                modifiers: self.keys(),
+            });
         }
     }
 }
@@ -265,7 +291,10 @@ impl ApplicationHandler<Wake> for App {
             WindowEvent::ModifiersChanged(modifiers) => self.modifiers = modifiers.state(),
             WindowEvent::CursorMoved { position, .. } => {
                 self.cursor = [position.x, position.y];
-                self.input(InputEvent::PointerMove { pointer: MOUSE, position: self.cursor });
+                self.input(InputEvent::PointerMove {
+                    pointer: MOUSE,
+                    position: self.cursor,
+                });
             }
             WindowEvent::MouseInput { state, button, .. } => self.pointer(button, state),
             WindowEvent::MouseWheel { delta, .. } => {
@@ -273,7 +302,10 @@ impl ApplicationHandler<Wake> for App {
                     MouseScrollDelta::LineDelta(_, lines) => -f64::from(lines),
                     MouseScrollDelta::PixelDelta(pixels) => -pixels.y / PIXELS_PER_NOTCH,
                 };
-                self.input(InputEvent::Wheel { notches, position: self.cursor });
+                self.input(InputEvent::Wheel {
+                    notches,
+                    position: self.cursor,
+                });
             }
             WindowEvent::Touch(touch) => self.touch(touch),
             WindowEvent::KeyboardInput { event, .. } if event.state == ElementState::Pressed => {

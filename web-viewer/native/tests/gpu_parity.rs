@@ -60,11 +60,17 @@ fn load(document: &Document, source: &dyn ByteSource, cut: &Cut) -> Resident {
     let base = document.base.iter().map(&mut place).collect();
     let mut pages: HashMap<PageId, (PageSamples, Slot)> = HashMap::new();
     for needed in needed_pages(cut, document) {
-        let bytes = source.read(document.page_range(needed.page).unwrap()).unwrap();
+        let bytes = source
+            .read(document.page_range(needed.page).unwrap())
+            .unwrap();
         let samples = match needed.node.parent() {
             None => document.decode_root(needed.node.chart, &bytes),
             Some((_, quadrant)) => {
-                let parent = needed.parent.map_or(&document.base[needed.node.chart.0 as usize], |page| &pages[&page].0);
+                let parent = needed
+                    .parent
+                    .map_or(&document.base[needed.node.chart.0 as usize], |page| {
+                        &pages[&page].0
+                    });
                 document.decode_child(needed.page, quadrant, parent, &bytes)
             }
         };
@@ -72,14 +78,28 @@ fn load(document: &Document, source: &dyn ByteSource, cut: &Cut) -> Resident {
         let slot = place(&samples);
         pages.insert(needed.page, (samples, slot));
     }
-    Resident { base, pages, uploads, layers: slots.layers() }
+    Resident {
+        base,
+        pages,
+        uploads,
+        layers: slots.layers(),
+    }
 }
 
 /// Offsets from the eye of all vertices of all calls.
-fn run(headless: &Headless, frame: &Frame, resident: &Resident, calls: &[Call], vertices: usize) -> Vec<[f32; 4]> {
+fn run(
+    headless: &Headless,
+    frame: &Frame,
+    resident: &Resident,
+    calls: &[Call],
+    vertices: usize,
+) -> Vec<[f32; 4]> {
     let (device, queue) = (headless.device(), headless.queue());
     let atlas = AtlasTextures::new(device, resident.layers, true).unwrap();
-    resident.uploads.iter().for_each(|upload| atlas.write(queue, upload));
+    resident
+        .uploads
+        .iter()
+        .for_each(|upload| atlas.write(queue, upload));
     let module = device.create_shader_module(wgpu::ShaderModuleDescriptor {
         label: None,
         source: wgpu::ShaderSource::Wgsl(format!("{SHADER}{ENTRY}").into()),
@@ -102,7 +122,10 @@ fn run(headless: &Headless, frame: &Frame, resident: &Resident, calls: &[Call], 
     };
     let uniform = buffer(size_of::<Frame>(), wgpu::BufferUsages::UNIFORM);
     let input = buffer(size_of_val(calls), wgpu::BufferUsages::STORAGE);
-    let output = buffer(16 * vertices, wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_SRC);
+    let output = buffer(
+        16 * vertices,
+        wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_SRC,
+    );
     let readable = buffer(16 * vertices, wgpu::BufferUsages::MAP_READ);
     queue.write_buffer(&uniform, 0, bytemuck::bytes_of(frame));
     queue.write_buffer(&input, 0, bytemuck::cast_slice(calls));
@@ -111,13 +134,28 @@ fn run(headless: &Headless, frame: &Frame, resident: &Resident, calls: &[Call], 
     let view = |binding, view| entry(binding, wgpu::BindingResource::TextureView(view));
     let group = |index, entries: &[wgpu::BindGroupEntry<'_>]| {
         let layout = pipeline.get_bind_group_layout(index);
-        device.create_bind_group(&wgpu::BindGroupDescriptor { label: None, layout: &layout, entries })
+        device.create_bind_group(&wgpu::BindGroupDescriptor {
+            label: None,
+            layout: &layout,
+            entries,
+        })
     };
     let samples = group(
         0,
-        &[entry(0, uniform.as_entire_binding()), view(1, &positions), view(2, &normals), view(3, &colours)],
+        &[
+            entry(0, uniform.as_entire_binding()),
+            view(1, &positions),
+            view(2, &normals),
+            view(3, &colours),
+        ],
     );
-    let data = group(1, &[entry(0, input.as_entire_binding()), entry(1, output.as_entire_binding())]);
+    let data = group(
+        1,
+        &[
+            entry(0, input.as_entire_binding()),
+            entry(1, output.as_entire_binding()),
+        ],
+    );
     let mut encoder = device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
     {
         let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor::default());
@@ -128,7 +166,9 @@ fn run(headless: &Headless, frame: &Frame, resident: &Resident, calls: &[Call], 
     }
     encoder.copy_buffer_to_buffer(&output, 0, &readable, 0, 16 * vertices as u64);
     queue.submit([encoder.finish()]);
-    readable.slice(..).map_async(wgpu::MapMode::Read, |result| result.unwrap());
+    readable
+        .slice(..)
+        .map_async(wgpu::MapMode::Read, |result| result.unwrap());
     device.poll(wgpu::PollType::wait_indefinitely()).unwrap();
     bytemuck::cast_slice(&readable.slice(..).get_mapped_range().unwrap()).to_vec()
 }
@@ -145,7 +185,9 @@ fn shader_agrees_with_the_reference_and_closes_every_border() {
     let mut random = Random::new(21);
     for shape in [Shape::Cube, Shape::Torus] {
         let charts = shape.charts(5);
-        let (document, source) = shape.open(&random_finest(&mut random, &charts, 2, 4)).unwrap();
+        let (document, source) = shape
+            .open(&random_finest(&mut random, &charts, 2, 4))
+            .unwrap();
         let mut drawn = Drawn::at_rest(Cut::coarsest(charts.len()));
         for round in 0..6 {
             let mut wanted = random_cut(&mut random, &charts, 2);
@@ -154,13 +196,23 @@ fn shader_agrees_with_the_reference_and_closes_every_border() {
             for _ in 0..5 {
                 drawn.advance(&target, &charts, 0.37);
             }
-            let eye = Camera::parse(&document.metadata, &format!("0.3,{},1.7,0,0,0", f64::from(round) - 2.5)).unwrap();
+            let eye = Camera::parse(
+                &document.metadata,
+                &format!("0.3,{},1.7,0,0,0", f64::from(round) - 2.5),
+            )
+            .unwrap();
             compare(&headless, &document, &source, &drawn, &eye);
         }
     }
 }
 
-fn compare(headless: &Headless, document: &Document, source: &dyn ByteSource, drawn: &Drawn, camera: &Camera) {
+fn compare(
+    headless: &Headless,
+    document: &Document,
+    source: &dyn ByteSource,
+    drawn: &Drawn,
+    camera: &Camera,
+) {
     let resident = load(document, source, &drawn.cut);
     let view = View::new(camera, &document.metadata, Viewport::new(640, 480));
     let frame = Frame::new(&view, Shade::Lit, true);
@@ -176,14 +228,33 @@ fn compare(headless: &Headless, document: &Document, source: &dyn ByteSource, dr
         };
         let sides = side_modes(&drawn.cut, &drawn.morphs, &document.charts, leaf);
         let morph = morph_of(&drawn.morphs, leaf);
-        let Instance { place, sides: packed, morph: _ } = Instance::new(leaf, slot, morph, sides);
-        calls.push(Call { place, sides: packed, morph, first: u32::try_from(vertices).unwrap(), unused: [0; 2] });
-        patches.push((Patch { leaf, samples, morph, sides }, vertices));
+        let Instance {
+            place,
+            sides: packed,
+            morph: _,
+        } = Instance::new(leaf, slot, morph, sides);
+        calls.push(Call {
+            place,
+            sides: packed,
+            morph,
+            first: u32::try_from(vertices).unwrap(),
+            unused: [0; 2],
+        });
+        patches.push((
+            Patch {
+                leaf,
+                samples,
+                morph,
+                sides,
+            },
+            vertices,
+        ));
         vertices += ((1usize << leaf.grid_resolution()) + 1).pow(2);
     }
     let offsets = run(headless, &frame, &resident, &calls, vertices);
 
-    let eye = glam::DVec3::from_array(view.eye.whole.map(f64::from)) + glam::DVec3::from_array(view.eye.fraction);
+    let eye = glam::DVec3::from_array(view.eye.whole.map(f64::from))
+        + glam::DVec3::from_array(view.eye.fraction);
     let mut edges: BTreeMap<([u32; 3], [u32; 3]), i64> = BTreeMap::new();
     for (patch, first) in patches {
         let cells = 1usize << patch.leaf.grid_resolution();
@@ -193,7 +264,10 @@ fn compare(headless: &Headless, document: &Document, source: &dyn ByteSource, dr
             let expected = patch.vertex(n % side, n / side).unwrap().position - eye;
             let [x, y, z, _] = offsets[first + n].map(f64::from);
             let error = (glam::DVec3::new(x, y, z) - expected).length();
-            assert!(error <= 2e-7 * expected.length() + 1e-3, "{error} at {expected}");
+            assert!(
+                error <= 2e-7 * expected.length() + 1e-3,
+                "{error} at {expected}"
+            );
         }
         for (j, i) in (0..cells).flat_map(|j| (0..cells).map(move |i| (j, i))) {
             let n = j * side + i;
@@ -201,11 +275,16 @@ fn compare(headless: &Headless, document: &Document, source: &dyn ByteSource, dr
                 let [a, b, c] = triangle.map(bits);
                 for (from, to) in [(a, b), (b, c), (c, a)] {
                     if from != to {
-                        *edges.entry((from.min(to), from.max(to))).or_default() += if from < to { 1 } else { -1 };
+                        *edges.entry((from.min(to), from.max(to))).or_default() +=
+                            if from < to { 1 } else { -1 };
                     }
                 }
             }
         }
     }
-    assert_eq!(edges.values().filter(|balance| **balance != 0).count(), 0, "a border is open on the GPU");
+    assert_eq!(
+        edges.values().filter(|balance| **balance != 0).count(),
+        0,
+        "a border is open on the GPU"
+    );
 }

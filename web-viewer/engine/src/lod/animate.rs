@@ -11,8 +11,8 @@
 
 use super::cut::{Across, Cut, Leaf, QUADRANTS, SIDES};
 use super::edge_morph::{Morphs, morph_of};
-use marquetry_format::quadtree::PAGE_RESOLUTION;
 use marquetry_format::Chart;
+use marquetry_format::quadtree::PAGE_RESOLUTION;
 
 /// What is drawn.
 #[derive(Debug, Clone, PartialEq)]
@@ -26,7 +26,10 @@ pub struct Drawn {
 impl Drawn {
     /// Draws `cut` at rest.
     pub fn at_rest(cut: Cut) -> Self {
-        Self { cut, morphs: Morphs::new() }
+        Self {
+            cut,
+            morphs: Morphs::new(),
+        }
     }
 
     /// Whether exactly `target` is drawn and nothing moves.
@@ -42,7 +45,11 @@ impl Drawn {
             let merges = self.may_merge(target, charts, *leaf);
             let goal = if merges { 1.0 } else { 0.0 };
             let morph = morph_of(&self.morphs, *leaf);
-            let morph = if morph < goal { (morph + step).min(goal) } else { (morph - step).max(goal) };
+            let morph = if morph < goal {
+                (morph + step).min(goal)
+            } else {
+                (morph - step).max(goal)
+            };
             if morph > 0.0 {
                 self.morphs.insert(leaf.node, morph);
             } else {
@@ -60,7 +67,8 @@ impl Drawn {
                 self.cut.refine(leaf);
                 let mut finer = Vec::new();
                 self.cut.leaves_below(leaf.node, None, &mut finer);
-                self.morphs.extend(finer.into_iter().map(|leaf| (leaf.node, 1.0)));
+                self.morphs
+                    .extend(finer.into_iter().map(|leaf| (leaf.node, 1.0)));
             }
         }
     }
@@ -72,7 +80,9 @@ impl Drawn {
         }
         merge_group(leaf).iter().flatten().all(|sibling| {
             self.cut.contains(*sibling)
-                && SIDES.iter().all(|side| self.cut.across(charts, *sibling, *side) != Across::Finer)
+                && SIDES
+                    .iter()
+                    .all(|side| self.cut.across(charts, *sibling, *side) != Across::Finer)
         })
     }
 
@@ -82,7 +92,9 @@ impl Drawn {
         let ready = group.iter().flatten().all(|sibling| {
             self.cut.contains(*sibling)
                 && morph_of(&self.morphs, *sibling) >= 1.0
-                && SIDES.iter().all(|side| self.cut.across(charts, *sibling, *side) != Across::Finer)
+                && SIDES
+                    .iter()
+                    .all(|side| self.cut.across(charts, *sibling, *side) != Across::Finer)
         });
         if !ready {
             return;
@@ -100,11 +112,13 @@ impl Drawn {
         wants_finer(target, leaf)
             && self.cut.contains(leaf)
             && morph_of(&self.morphs, leaf) == 0.0
-            && SIDES.iter().all(|side| match self.cut.across(charts, leaf, *side) {
-                Across::Open | Across::Finer => true,
-                Across::Equal(other) => morph_of(&self.morphs, other) == 0.0,
-                Across::Coarser(_) => false,
-            })
+            && SIDES
+                .iter()
+                .all(|side| match self.cut.across(charts, leaf, *side) {
+                    Across::Open | Across::Finer => true,
+                    Across::Equal(other) => morph_of(&self.morphs, other) == 0.0,
+                    Across::Coarser(_) => false,
+                })
     }
 }
 
@@ -112,20 +126,29 @@ impl Drawn {
 fn merge_group(leaf: Leaf) -> [Option<Leaf>; 4] {
     match leaf.node.parent() {
         None => [Some(leaf), None, None, None],
-        Some((parent, _)) => QUADRANTS.map(|quadrant| Some(Leaf { node: parent.child(quadrant), ..leaf })),
+        Some((parent, _)) => QUADRANTS.map(|quadrant| {
+            Some(Leaf {
+                node: parent.child(quadrant),
+                ..leaf
+            })
+        }),
     }
 }
 
 fn wants_coarser(target: &Cut, leaf: Leaf) -> bool {
     match leaf.node.parent() {
-        None => target.root_resolution(leaf.node.chart).is_some_and(|resolution| resolution < leaf.resolution),
+        None => target
+            .root_resolution(leaf.node.chart)
+            .is_some_and(|resolution| resolution < leaf.resolution),
         Some((parent, _)) => !target.is_split(parent),
     }
 }
 
 fn wants_finer(target: &Cut, leaf: Leaf) -> bool {
     if leaf.node.level == 0 && leaf.resolution < PAGE_RESOLUTION {
-        target.root_resolution(leaf.node.chart).is_none_or(|resolution| resolution > leaf.resolution)
+        target
+            .root_resolution(leaf.node.chart)
+            .is_none_or(|resolution| resolution > leaf.resolution)
     } else {
         target.is_split(leaf.node)
     }
@@ -134,7 +157,17 @@ fn wants_finer(target: &Cut, leaf: Leaf) -> bool {
 /// Nodes of `morphs` that are not leaves of `cut`: none, unless there is a mistake here.
 #[cfg(test)]
 fn stray(drawn: &Drawn) -> Vec<marquetry_format::NodeId> {
-    drawn.morphs.keys().copied().filter(|node| drawn.cut.leaf_over(*node).is_none_or(|leaf| leaf.node != *node)).collect()
+    drawn
+        .morphs
+        .keys()
+        .copied()
+        .filter(|node| {
+            drawn
+                .cut
+                .leaf_over(*node)
+                .is_none_or(|leaf| leaf.node != *node)
+        })
+        .collect()
 }
 
 #[cfg(test)]
@@ -153,8 +186,13 @@ mod tests {
         assert!(balance::is_balanced(&drawn.cut, charts));
         assert!(stray(drawn).is_empty());
         for leaf in drawn.cut.leaves() {
-            let finer = SIDES.iter().any(|side| drawn.cut.across(charts, leaf, *side) == Across::Finer);
-            assert!(!finer || morph_of(&drawn.morphs, leaf) == 0.0, "a leaf beside a finer one moves");
+            let finer = SIDES
+                .iter()
+                .any(|side| drawn.cut.across(charts, leaf, *side) == Across::Finer);
+            assert!(
+                !finer || morph_of(&drawn.morphs, leaf) == 0.0,
+                "a leaf beside a finer one moves"
+            );
         }
     }
 

@@ -37,17 +37,26 @@ pub fn coarsen(cut: &mut Cut, charts: &[Chart]) {
         if !cut.contains(leaf) {
             continue;
         }
-        let Some(other) = SIDES.iter().find_map(|side| coarser_by_more_than_one(cut, charts, leaf, *side)) else {
+        let Some(other) = SIDES
+            .iter()
+            .find_map(|side| coarser_by_more_than_one(cut, charts, leaf, *side))
+        else {
             continue;
         };
         let coarser = match leaf.node.parent() {
             None => {
                 cut.set_root(leaf.node.chart, other.resolution + 1);
-                Leaf { resolution: other.resolution + 1, ..leaf }
+                Leaf {
+                    resolution: other.resolution + 1,
+                    ..leaf
+                }
             }
             Some((parent, _)) => {
                 cut.collapse(parent);
-                Leaf { node: parent, resolution: PAGE_RESOLUTION + parent.level }
+                Leaf {
+                    node: parent,
+                    resolution: PAGE_RESOLUTION + parent.level,
+                }
             }
         };
         pending.push(coarser);
@@ -64,12 +73,17 @@ pub fn coarsen(cut: &mut Cut, charts: &[Chart]) {
 
 /// Whether rule R1 holds everywhere.
 pub fn is_balanced(cut: &Cut, charts: &[Chart]) -> bool {
-    cut.leaves().iter().all(|leaf| SIDES.iter().all(|side| coarser_by_more_than_one(cut, charts, *leaf, *side).is_none()))
+    cut.leaves().iter().all(|leaf| {
+        SIDES
+            .iter()
+            .all(|side| coarser_by_more_than_one(cut, charts, *leaf, *side).is_none())
+    })
 }
 
 fn coarser_by_more_than_one(cut: &Cut, charts: &[Chart], leaf: Leaf, side: Side) -> Option<Leaf> {
     let (node, _) = neighbour(charts, leaf.node, side)?;
-    cut.leaf_over(node).filter(|other| other.resolution + 1 < leaf.resolution)
+    cut.leaf_over(node)
+        .filter(|other| other.resolution + 1 < leaf.resolution)
 }
 
 #[cfg(test)]
@@ -82,9 +96,16 @@ mod tests {
     fn resolutions(cut: &Cut) -> Vec<u8> {
         let charts = u32::try_from(cut.chart_count()).unwrap();
         let nodes = (0..charts).flat_map(|chart| {
-            (0..256).map(move |n| NodeId { chart: ChartId(chart), level: 4, x: n % 16, y: n / 16 })
+            (0..256).map(move |n| NodeId {
+                chart: ChartId(chart),
+                level: 4,
+                x: n % 16,
+                y: n / 16,
+            })
         });
-        nodes.map(|node| cut.leaf_over(node).unwrap().resolution).collect()
+        nodes
+            .map(|node| cut.leaf_over(node).unwrap().resolution)
+            .collect()
     }
 
     #[test]
@@ -97,7 +118,11 @@ mod tests {
                 refine(&mut finer, &charts, |_| true);
                 coarsen(&mut coarser, &charts);
                 assert!(is_balanced(&finer, &charts) && is_balanced(&coarser, &charts));
-                let (low, middle, high) = (resolutions(&coarser), resolutions(&cut), resolutions(&finer));
+                let (low, middle, high) = (
+                    resolutions(&coarser),
+                    resolutions(&cut),
+                    resolutions(&finer),
+                );
                 assert!(low.iter().zip(&middle).all(|(a, b)| a <= b));
                 assert!(middle.iter().zip(&high).all(|(a, b)| a <= b));
             }

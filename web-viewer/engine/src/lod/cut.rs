@@ -24,7 +24,11 @@ pub struct Leaf {
 impl Leaf {
     /// log2 of the cells a side that are drawn.
     pub fn grid_resolution(self) -> u8 {
-        if self.node.level == 0 { self.resolution } else { PAGE_RESOLUTION }
+        if self.node.level == 0 {
+            self.resolution
+        } else {
+            PAGE_RESOLUTION
+        }
     }
 
     /// Triangles drawn.
@@ -63,7 +67,9 @@ pub struct Cut {
 impl Cut {
     /// Every chart at resolution 0: two triangles.
     pub fn coarsest(charts: usize) -> Self {
-        Self { charts: vec![ChartCut::default(); charts] }
+        Self {
+            charts: vec![ChartCut::default(); charts],
+        }
     }
 
     /// Number of charts.
@@ -73,12 +79,15 @@ impl Cut {
 
     /// Whether the children of `node` (or their descendants) are drawn in its place.
     pub fn is_split(&self, node: NodeId) -> bool {
-        self.chart(node.chart).is_some_and(|chart| chart.split.contains(&key(node)))
+        self.chart(node.chart)
+            .is_some_and(|chart| chart.split.contains(&key(node)))
     }
 
     /// Resolution of the root of `chart`, or `None` where it is split.
     pub fn root_resolution(&self, chart: ChartId) -> Option<u8> {
-        self.chart(chart).filter(|cut| cut.split.is_empty()).map(|cut| cut.resolution)
+        self.chart(chart)
+            .filter(|cut| cut.split.is_empty())
+            .map(|cut| cut.resolution)
     }
 
     /// Draws the root of `chart`, at `resolution` (0..=5), in place of whatever was drawn of it.
@@ -91,7 +100,9 @@ impl Cut {
 
     /// Draws the children of `node` in its place; a no-op unless its parent is split (or it is a root).
     pub fn split(&mut self, node: NodeId) {
-        if node.parent().is_none_or(|(parent, _)| self.is_split(parent))
+        if node
+            .parent()
+            .is_none_or(|(parent, _)| self.is_split(parent))
             && let Some(cut) = self.chart_mut(node.chart)
         {
             cut.resolution = PAGE_RESOLUTION;
@@ -101,14 +112,18 @@ impl Cut {
 
     /// Draws `node` in place of all below it. A root is then at resolution 5.
     pub fn collapse(&mut self, node: NodeId) {
-        let Some(cut) = self.chart_mut(node.chart) else { return };
+        let Some(cut) = self.chart_mut(node.chart) else {
+            return;
+        };
         if node.level == 0 {
             cut.split.clear();
             cut.resolution = PAGE_RESOLUTION;
             return;
         }
         cut.split.retain(|&(level, x, y)| {
-            let Some(down) = level.checked_sub(node.level) else { return true };
+            let Some(down) = level.checked_sub(node.level) else {
+                return true;
+            };
             x >> down != node.x || y >> down != node.y
         });
     }
@@ -126,9 +141,15 @@ impl Cut {
     pub fn leaf_over(&self, node: NodeId) -> Option<Leaf> {
         let cut = self.chart(node.chart)?;
         if cut.split.is_empty() {
-            return Some(Leaf { node: NodeId::root(node.chart), resolution: cut.resolution });
+            return Some(Leaf {
+                node: NodeId::root(node.chart),
+                resolution: cut.resolution,
+            });
         }
-        (0..=node.level).map(|level| ancestor(node, level)).find(|over| !cut.split.contains(&key(*over))).map(leaf_below)
+        (0..=node.level)
+            .map(|level| ancestor(node, level))
+            .find(|over| !cut.split.contains(&key(*over)))
+            .map(leaf_below)
     }
 
     /// Whether `leaf` is drawn.
@@ -140,7 +161,9 @@ impl Cut {
     pub fn leaves(&self) -> Vec<Leaf> {
         let mut leaves = Vec::with_capacity(self.charts.len());
         for chart in 0..self.charts.len() {
-            let Ok(chart) = u32::try_from(chart) else { break };
+            let Ok(chart) = u32::try_from(chart) else {
+                break;
+            };
             self.leaves_below(NodeId::root(ChartId(chart)), None, &mut leaves);
         }
         leaves
@@ -148,17 +171,25 @@ impl Cut {
 
     /// Appends the leaves in `node`, or those of them that touch `side` of it. Nothing where a leaf above covers it.
     pub fn leaves_below(&self, node: NodeId, side: Option<Side>, leaves: &mut Vec<Leaf>) {
-        let Some(cut) = self.chart(node.chart) else { return };
+        let Some(cut) = self.chart(node.chart) else {
+            return;
+        };
         let mut stack = vec![node];
         while let Some(node) = stack.pop() {
             if cut.split.contains(&key(node)) {
                 // Reversed, so that the first quadrant comes off the stack first.
-                let inside = QUADRANTS.iter().rev().filter(|quadrant| side.is_none_or(|side| touches(**quadrant, side)));
+                let inside = QUADRANTS
+                    .iter()
+                    .rev()
+                    .filter(|quadrant| side.is_none_or(|side| touches(**quadrant, side)));
                 stack.extend(inside.map(|quadrant| node.child(*quadrant)));
             } else if node.level > 0 {
                 leaves.push(leaf_below(node));
             } else {
-                leaves.push(Leaf { node, resolution: cut.resolution });
+                leaves.push(Leaf {
+                    node,
+                    resolution: cut.resolution,
+                });
             }
         }
     }
@@ -167,13 +198,17 @@ impl Cut {
     pub fn split_nodes(&self) -> impl Iterator<Item = NodeId> {
         self.charts.iter().enumerate().flat_map(|(chart, cut)| {
             let chart = ChartId(u32::try_from(chart).unwrap_or(u32::MAX));
-            cut.split.iter().map(move |&(level, x, y)| NodeId { chart, level, x, y })
+            cut.split
+                .iter()
+                .map(move |&(level, x, y)| NodeId { chart, level, x, y })
         })
     }
 
     /// What `leaf` meets at `side`.
     pub fn across(&self, charts: &[Chart], leaf: Leaf, side: Side) -> Across {
-        let Some((neighbour, _)) = neighbour(charts, leaf.node, side) else { return Across::Open };
+        let Some((neighbour, _)) = neighbour(charts, leaf.node, side) else {
+            return Across::Open;
+        };
         match self.leaf_over(neighbour) {
             Some(other) if other.resolution < leaf.resolution => Across::Coarser(other),
             Some(other) if other.resolution == leaf.resolution => Across::Equal(other),
@@ -198,13 +233,19 @@ impl Cut {
 /// The node of the same level across `side` of `node`, and its side that faces back; `None` at an open border.
 pub fn neighbour(charts: &[Chart], node: NodeId, side: Side) -> Option<(NodeId, Side)> {
     let chart = charts.get(usize::try_from(node.chart.0).ok()?)?;
-    node.neighbour(side, &chart.glue).map(|(neighbour, back, _)| (neighbour, back))
+    node.neighbour(side, &chart.glue)
+        .map(|(neighbour, back, _)| (neighbour, back))
 }
 
 /// The ancestor of `node` at `level`, which is at most its own.
 pub fn ancestor(node: NodeId, level: u8) -> NodeId {
     let up = node.level - level;
-    NodeId { level, x: node.x >> up, y: node.y >> up, ..node }
+    NodeId {
+        level,
+        x: node.x >> up,
+        y: node.y >> up,
+        ..node
+    }
 }
 
 fn key(node: NodeId) -> (u8, u32, u32) {
@@ -212,7 +253,10 @@ fn key(node: NodeId) -> (u8, u32, u32) {
 }
 
 fn leaf_below(node: NodeId) -> Leaf {
-    Leaf { node, resolution: PAGE_RESOLUTION + node.level }
+    Leaf {
+        node,
+        resolution: PAGE_RESOLUTION + node.level,
+    }
 }
 
 fn touches(quadrant: Quadrant, side: Side) -> bool {

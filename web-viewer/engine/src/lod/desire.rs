@@ -53,7 +53,10 @@ impl Forest {
             .base
             .iter()
             .map(|samples| {
-                let mut bounds = Bounds { min: [u32::MAX; 3], max: [0; 3] };
+                let mut bounds = Bounds {
+                    min: [u32::MAX; 3],
+                    max: [0; 3],
+                };
                 for point in &samples.positions {
                     for axis in 0..3 {
                         bounds.min[axis] = bounds.min[axis].min(point[axis]);
@@ -68,23 +71,40 @@ impl Forest {
 
     /// Bounds of `node` and of everything below it; of what the base holds of it where the index is not loaded.
     pub fn bounds(&self, document: &Document, node: NodeId) -> Option<Bounds> {
-        let entry = document.page_of_node(node).and_then(|page| document.page(page));
-        entry.map(|entry| entry.bounds).or_else(|| self.base_bounds(node.chart))
+        let entry = document
+            .page_of_node(node)
+            .and_then(|page| document.page(page));
+        entry
+            .map(|entry| entry.bounds)
+            .or_else(|| self.base_bounds(node.chart))
     }
 
     fn base_bounds(&self, chart: ChartId) -> Option<Bounds> {
-        self.base_bounds.get(usize::try_from(chart.0).ok()?).copied()
+        self.base_bounds
+            .get(usize::try_from(chart.0).ok()?)
+            .copied()
     }
 
     /// The cut that `target` asks for.
     pub fn want(&self, document: &Document, target: &Target<'_>) -> Wanted {
-        let mut walk = Walk { document, target, blocks: BTreeSet::new(), cut: Cut::coarsest(document.charts.len()) };
+        let mut walk = Walk {
+            document,
+            target,
+            blocks: BTreeSet::new(),
+            cut: Cut::coarsest(document.charts.len()),
+        };
         for index in 0..document.charts.len() {
             let Ok(id) = u32::try_from(index) else { break };
             walk.root(self, ChartId(id));
         }
-        let Walk { mut blocks, mut cut, .. } = walk;
-        balance::refine(&mut cut, &document.charts, |leaf| is_refinable(document, leaf, &mut blocks));
+        let Walk {
+            mut blocks,
+            mut cut,
+            ..
+        } = walk;
+        balance::refine(&mut cut, &document.charts, |leaf| {
+            is_refinable(document, leaf, &mut blocks)
+        });
         balance::coarsen(&mut cut, &document.charts);
         Wanted { cut, blocks }
     }
@@ -99,21 +119,43 @@ struct Walk<'a> {
 
 impl Walk<'_> {
     fn root(&mut self, forest: &Forest, id: ChartId) {
-        let Some(chart) = usize::try_from(id.0).ok().and_then(|index| self.document.charts.get(index)) else { return };
+        let Some(chart) = usize::try_from(id.0)
+            .ok()
+            .and_then(|index| self.document.charts.get(index))
+        else {
+            return;
+        };
         let entry = self.document.page(PageId(id.0));
-        let Some(bounds) = entry.map(|entry| entry.bounds).or_else(|| forest.base_bounds(id)) else { return };
+        let Some(bounds) = entry
+            .map(|entry| entry.bounds)
+            .or_else(|| forest.base_bounds(id))
+        else {
+            return;
+        };
         let base = self.document.base_resolution.min(chart.resolution);
         let mut resolution = 0;
         loop {
             let index = usize::from(resolution);
-            let errors = entry.map_or(chart.base_errors.as_slice(), |entry| entry.errors.as_slice());
-            let Some(error) = errors.get(index).or_else(|| chart.base_errors.get(index)) else { break };
+            let errors = entry.map_or(chart.base_errors.as_slice(), |entry| {
+                entry.errors.as_slice()
+            });
+            let Some(error) = errors.get(index).or_else(|| chart.base_errors.get(index)) else {
+                break;
+            };
             let root = NodeId::root(id);
             let was_finer = self.target.previous.is_some_and(|cut| {
-                cut.root_resolution(id).is_none_or(|previous| previous > resolution)
+                cut.root_resolution(id)
+                    .is_none_or(|previous| previous > resolution)
             });
             if !self.is_too_coarse(*error, &bounds, resolution >= base, was_finer)
-                || !is_refinable(self.document, Leaf { node: root, resolution }, &mut self.blocks)
+                || !is_refinable(
+                    self.document,
+                    Leaf {
+                        node: root,
+                        resolution,
+                    },
+                    &mut self.blocks,
+                )
             {
                 break;
             }
@@ -130,14 +172,23 @@ impl Walk<'_> {
     fn split(&mut self, node: NodeId, page: PageId) {
         let mut stack = vec![(node, page)];
         while let Some((node, page)) = stack.pop() {
-            let Some(first) = self.document.first_child(page) else { continue };
+            let Some(first) = self.document.first_child(page) else {
+                continue;
+            };
             self.cut.split(node);
             for (quadrant, page) in QUADRANTS.into_iter().zip(children(first)) {
                 let child = node.child(quadrant);
-                let Some(entry) = self.document.page(page) else { continue };
-                let Some(error) = entry.errors.first() else { continue };
+                let Some(entry) = self.document.page(page) else {
+                    continue;
+                };
+                let Some(error) = entry.errors.first() else {
+                    continue;
+                };
                 let was_finer = self.target.previous.is_some_and(|cut| cut.is_split(child));
-                let leaf = Leaf { node: child, resolution: PAGE_RESOLUTION + child.level };
+                let leaf = Leaf {
+                    node: child,
+                    resolution: PAGE_RESOLUTION + child.level,
+                };
                 if self.is_too_coarse(*error, &entry.bounds, true, was_finer)
                     && is_refinable(self.document, leaf, &mut self.blocks)
                 {
@@ -147,8 +198,18 @@ impl Walk<'_> {
         }
     }
 
-    fn is_too_coarse(&self, error: f32, bounds: &Bounds, needs_page: bool, was_finer: bool) -> bool {
-        let limit = if needs_page { self.target.paged_error_px } else { self.target.error_px };
+    fn is_too_coarse(
+        &self,
+        error: f32,
+        bounds: &Bounds,
+        needs_page: bool,
+        was_finer: bool,
+    ) -> bool {
+        let limit = if needs_page {
+            self.target.paged_error_px
+        } else {
+            self.target.error_px
+        };
         let limit = if was_finer { HYSTERESIS * limit } else { limit };
         importance_px(self.target.view, error, bounds) > limit
     }
@@ -162,20 +223,30 @@ pub fn importance_px(view: &View, error: f32, bounds: &Bounds) -> f64 {
 
 /// Whether the file holds anything finer than `leaf` and the index of it is loaded; notes the blocks that are not.
 fn is_refinable(document: &Document, leaf: Leaf, blocks: &mut BTreeSet<u32>) -> bool {
-    let Some(chart) = usize::try_from(leaf.node.chart.0).ok().and_then(|index| document.charts.get(index)) else {
+    let Some(chart) = usize::try_from(leaf.node.chart.0)
+        .ok()
+        .and_then(|index| document.charts.get(index))
+    else {
         return false;
     };
     let root_page = PageId(leaf.node.chart.0);
     if leaf.node.level == 0 && leaf.resolution < chart.resolution {
-        return leaf.resolution < document.base_resolution || is_indexed(document, root_page, blocks);
+        return leaf.resolution < document.base_resolution
+            || is_indexed(document, root_page, blocks);
     }
     if chart.resolution < PAGE_RESOLUTION || !is_indexed(document, root_page, blocks) {
         return false;
     }
-    let Some(page) = document.page_of_node(leaf.node) else { return false };
-    let Some(first) = document.first_child(page) else { return false };
+    let Some(page) = document.page_of_node(leaf.node) else {
+        return false;
+    };
+    let Some(first) = document.first_child(page) else {
+        return false;
+    };
     // All four are asked, so that blocks of all four are noted.
-    children(first).into_iter().fold(true, |all, child| is_indexed(document, child, blocks) && all)
+    children(first).into_iter().fold(true, |all, child| {
+        is_indexed(document, child, blocks) && all
+    })
 }
 
 fn is_indexed(document: &Document, page: PageId, blocks: &mut BTreeSet<u32>) -> bool {

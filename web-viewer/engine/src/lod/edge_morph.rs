@@ -35,3 +35,51 @@ pub fn side_modes(cut: &Cut, morphs: &Morphs, charts: &[Chart], leaf: Leaf) -> [
         Across::Finer => SideMode::Morph(0.0),
     })
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::lod::animate::Drawn;
+    use crate::lod::balance;
+    use crate::lod::cut::neighbour;
+    use crate::testing::{Random, cube_charts, random_cut, self_glued_charts};
+
+    #[test]
+    fn both_leaves_at_a_border_agree() {
+        let mut random = Random::new(13);
+        for charts in [cube_charts(5), self_glued_charts(5)] {
+            let mut drawn = Drawn::at_rest(Cut::coarsest(charts.len()));
+            for _ in 0..40 {
+                let mut target = random_cut(&mut random, &charts, 2);
+                balance::coarsen(&mut target, &charts);
+                for _ in 0..3 {
+                    drawn.advance(&target, &charts, 0.3);
+                }
+                for leaf in drawn.cut.leaves() {
+                    let modes = side_modes(&drawn.cut, &drawn.morphs, &charts, leaf);
+                    for (side, mode) in SIDES.into_iter().zip(modes) {
+                        let (node, back) = neighbour(&charts, leaf.node, side).unwrap();
+                        match drawn.cut.across(&charts, leaf, side) {
+                            Across::Equal(other) => {
+                                let theirs = side_modes(&drawn.cut, &drawn.morphs, &charts, other);
+                                assert_eq!(theirs[usize::from(back.0)], mode);
+                            }
+                            Across::Finer => {
+                                assert_eq!(mode, SideMode::Morph(0.0));
+                                let mut finer = Vec::new();
+                                drawn.cut.leaves_below(node, Some(back), &mut finer);
+                                for other in finer {
+                                    let theirs =
+                                        side_modes(&drawn.cut, &drawn.morphs, &charts, other);
+                                    assert_eq!(theirs[usize::from(back.0)], SideMode::Snap);
+                                }
+                            }
+                            Across::Coarser(_) => assert_eq!(mode, SideMode::Snap),
+                            Across::Open => panic!("these surfaces are closed"),
+                        }
+                    }
+                }
+            }
+        }
+    }
+}

@@ -64,16 +64,36 @@ impl Patch<'_> {
         let index = (j * self.samples.side() + i) * stride;
         let odd = (i | j) & 1 == 1;
         // Even samples of a root stay: their target belongs to the resolution that introduced them.
-        let attribute_morph = if odd || self.leaf.node.level > 0 { morph } else { 0.0 };
+        let attribute_morph = if odd || self.leaf.node.level > 0 {
+            morph
+        } else {
+            0.0
+        };
         let position_morph = if odd { morph } else { 0.0 };
 
         let samples = self.samples;
-        let point = |points: &[[u32; 3]]| points.get(index).map(|point| DVec3::from_array(point.map(f64::from)));
-        let normal = |codes: &[[u8; 2]]| codes.get(index).map(|code| Vec3::from_array(octahedral::decode(*code)));
-        let colour = |colours: &[[u8; 3]]| colours.get(index).map(|colour| Vec3::from_array(colour.map(f32::from)));
+        let point = |points: &[[u32; 3]]| {
+            points
+                .get(index)
+                .map(|point| DVec3::from_array(point.map(f64::from)))
+        };
+        let normal = |codes: &[[u8; 2]]| {
+            codes
+                .get(index)
+                .map(|code| Vec3::from_array(octahedral::decode(*code)))
+        };
+        let colour = |colours: &[[u8; 3]]| {
+            colours
+                .get(index)
+                .map(|colour| Vec3::from_array(colour.map(f32::from)))
+        };
         let white = Vec3::splat(255.0);
-        let (position, target) = (point(&samples.positions)?, point(&samples.position_targets)?);
-        let (own_normal, target_normal) = (normal(&samples.normals)?, normal(&samples.normal_targets)?);
+        let (position, target) = (
+            point(&samples.positions)?,
+            point(&samples.position_targets)?,
+        );
+        let (own_normal, target_normal) =
+            (normal(&samples.normals)?, normal(&samples.normal_targets)?);
         let own_colour = colour(&samples.colours).unwrap_or(white);
         let target_colour = colour(&samples.colour_targets).unwrap_or(white);
         Some(Vertex {
@@ -92,14 +112,22 @@ impl Patch<'_> {
             let side_morph = match *mode {
                 SideMode::Morph(morph) => morph,
                 SideMode::Snap => {
-                    if side % 2 == 0 { to_i &= !1 } else { to_j &= !1 }
+                    if side % 2 == 0 {
+                        to_i &= !1
+                    } else {
+                        to_j &= !1
+                    }
                     1.0
                 }
             };
             morph = Some(morph.map_or(side_morph, |other: f32| other.max(side_morph)));
         }
         // A grid of one cell has corners only.
-        if cells == 1 { (i, j, 0.0) } else { (to_i, to_j, morph.unwrap_or(self.morph)) }
+        if cells == 1 {
+            (i, j, 0.0)
+        } else {
+            (to_i, to_j, morph.unwrap_or(self.morph))
+        }
     }
 }
 
@@ -114,7 +142,10 @@ pub struct MeshBuilder {
 impl MeshBuilder {
     /// An empty mesh, with colours or without.
     pub fn new(coloured: bool) -> Self {
-        Self { coloured, ..Self::default() }
+        Self {
+            coloured,
+            ..Self::default()
+        }
     }
 
     /// Adds the triangles of `patch`; `None` where its samples are too few.
@@ -129,7 +160,10 @@ impl MeshBuilder {
             let corner = |di: usize, dj: usize| indices[(j + dj) * side + i + di];
             let (a, b, c, d) = (corner(0, 0), corner(1, 0), corner(1, 1), corner(0, 1));
             for triangle in [[a, b, c], [a, c, d]] {
-                if triangle[0] != triangle[1] && triangle[1] != triangle[2] && triangle[2] != triangle[0] {
+                if triangle[0] != triangle[1]
+                    && triangle[1] != triangle[2]
+                    && triangle[2] != triangle[0]
+                {
                     self.mesh.triangles.push(triangle);
                 }
             }
@@ -152,8 +186,14 @@ impl MeshBuilder {
         self.mesh.positions.push(vertex.position);
         self.mesh.normals.push(vertex.normal.normalize_or(Vec3::Z));
         if self.coloured {
-            #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "between two bytes")]
-            self.mesh.colours.push(vertex.colour.to_array().map(|c| c.round() as u8));
+            #[expect(
+                clippy::cast_possible_truncation,
+                clippy::cast_sign_loss,
+                reason = "between two bytes"
+            )]
+            self.mesh
+                .colours
+                .push(vertex.colour.to_array().map(|c| c.round() as u8));
         }
         Some(index)
     }
@@ -165,7 +205,11 @@ impl MeshBuilder {
 ///
 /// # Errors
 /// [`EngineError::IndexIncomplete`], or when a page cannot be read or is not valid.
-pub fn extract_mesh(document: &Document, source: &dyn ByteSource, cut: &Cut) -> Result<Mesh, EngineError> {
+pub fn extract_mesh(
+    document: &Document,
+    source: &dyn ByteSource,
+    cut: &Cut,
+) -> Result<Mesh, EngineError> {
     extract_mesh_in_motion(document, source, cut, &Morphs::new())
 }
 
@@ -189,7 +233,9 @@ pub fn extract_mesh_in_motion(
             pages.insert(page.page, samples);
         }
         while let Some(leaf) = leaves.next_if(|leaf| leaf.node.chart == chart) {
-            let page = document.page_of_node(leaf.node).ok_or(EngineError::IndexIncomplete(chart.0))?;
+            let page = document
+                .page_of_node(leaf.node)
+                .ok_or(EngineError::IndexIncomplete(chart.0))?;
             let samples = samples_of(document, leaf, |page| pages.get(&page));
             let samples = samples(page).ok_or(EngineError::IndexIncomplete(page.0))?;
             let patch = Patch {
@@ -198,7 +244,9 @@ pub fn extract_mesh_in_motion(
                 morph: morph_of(morphs, leaf),
                 sides: side_modes(cut, morphs, &document.charts, leaf),
             };
-            builder.add(&patch).ok_or(EngineError::IndexIncomplete(page.0))?;
+            builder
+                .add(&patch)
+                .ok_or(EngineError::IndexIncomplete(page.0))?;
         }
     }
     Ok(builder.finish())
@@ -228,9 +276,13 @@ fn decode(
     pages: &HashMap<PageId, PageSamples>,
     needed: super::residency::NeededPage,
 ) -> Result<PageSamples, EngineError> {
-    let entry = document.page(needed.page).ok_or(EngineError::IndexIncomplete(needed.page.0))?;
+    let entry = document
+        .page(needed.page)
+        .ok_or(EngineError::IndexIncomplete(needed.page.0))?;
     let end = entry.offset.saturating_add(u64::from(entry.length));
-    let bytes = source.read(entry.offset..end).map_err(marquetry_format::Error::from)?;
+    let bytes = source
+        .read(entry.offset..end)
+        .map_err(marquetry_format::Error::from)?;
     let Some((_, quadrant)) = needed.node.parent() else {
         return Ok(document.decode_root(needed.node.chart, &bytes)?);
     };
@@ -257,7 +309,8 @@ mod tests {
         let mut edges: BTreeMap<(u32, u32), i64> = BTreeMap::new();
         for [a, b, c] in &mesh.triangles {
             for (from, to) in [(*a, *b), (*b, *c), (*c, *a)] {
-                *edges.entry((from.min(to), from.max(to))).or_default() += if from < to { 1 } else { -1 };
+                *edges.entry((from.min(to), from.max(to))).or_default() +=
+                    if from < to { 1 } else { -1 };
             }
         }
         edges.values().filter(|balance| **balance != 0).count()
@@ -274,7 +327,9 @@ mod tests {
         let mut random = Random::new(5);
         for shape in [Shape::Cube, Shape::Torus] {
             let charts = shape.charts(5);
-            let (document, source) = shape.open(&random_finest(&mut random, &charts, 2, 3)).unwrap();
+            let (document, source) = shape
+                .open(&random_finest(&mut random, &charts, 2, 3))
+                .unwrap();
             let finest = uniform_cut(&document, Fineness::Finest).unwrap();
             for _ in 0..12 {
                 // A wish that goes beyond what the file has, and a cache that holds half of it.
@@ -289,7 +344,10 @@ mod tests {
                 // The torus has the same point in all corners, so its coarsest cuts are flat.
                 assert!(shape == Shape::Torus || volume(&mesh) > 0.0);
             }
-            assert_eq!(open_edges(&extract_mesh(&document, &source, &finest).unwrap()), 0);
+            assert_eq!(
+                open_edges(&extract_mesh(&document, &source, &finest).unwrap()),
+                0
+            );
         }
     }
 
@@ -298,7 +356,9 @@ mod tests {
         let mut random = Random::new(6);
         for shape in [Shape::Cube, Shape::Torus] {
             let charts = shape.charts(5);
-            let (document, source) = shape.open(&random_finest(&mut random, &charts, 2, 3)).unwrap();
+            let (document, source) = shape
+                .open(&random_finest(&mut random, &charts, 2, 3))
+                .unwrap();
             let mut drawn = Drawn::at_rest(Cut::coarsest(charts.len()));
             for _ in 0..8 {
                 let mut wanted = random_cut(&mut random, &charts, 2);
@@ -306,7 +366,9 @@ mod tests {
                 let target = restrict(&wanted, &document, |_| true);
                 for _ in 0..5 {
                     drawn.advance(&target, &charts, 0.37);
-                    let mesh = extract_mesh_in_motion(&document, &source, &drawn.cut, &drawn.morphs).unwrap();
+                    let mesh =
+                        extract_mesh_in_motion(&document, &source, &drawn.cut, &drawn.morphs)
+                            .unwrap();
                     assert_eq!(open_edges(&mesh), 0);
                 }
             }
@@ -321,7 +383,14 @@ mod tests {
             finest.set_root(ChartId(chart), 4);
         }
         let (document, source) = Shape::Strip.open(&finest).unwrap();
-        let drawn = Drawn { morphs: finest.leaves().iter().map(|leaf| (leaf.node, 1.0)).collect(), cut: finest };
+        let drawn = Drawn {
+            morphs: finest
+                .leaves()
+                .iter()
+                .map(|leaf| (leaf.node, 1.0))
+                .collect(),
+            cut: finest,
+        };
         let fine = extract_mesh_in_motion(&document, &source, &drawn.cut, &drawn.morphs).unwrap();
         let mut coarse = Cut::coarsest(2);
         for chart in 0..2 {
@@ -339,20 +408,39 @@ mod tests {
                 allowed.extend([whole(a), whole(0.5 * (a + b))]);
             }
         }
-        assert!(fine.positions.iter().all(|position| allowed.contains(&whole(*position))));
+        assert!(
+            fine.positions
+                .iter()
+                .all(|position| allowed.contains(&whole(*position)))
+        );
     }
 
     #[test]
     fn triangle_budget_is_kept_and_used() {
         let mut random = Random::new(9);
         let charts = Shape::Cube.charts(5);
-        let (document, source) = Shape::Cube.open(&random_finest(&mut random, &charts, 2, 4)).unwrap();
-        let finest = uniform_cut(&document, Fineness::Finest).unwrap().triangles();
+        let (document, source) = Shape::Cube
+            .open(&random_finest(&mut random, &charts, 2, 4))
+            .unwrap();
+        let finest = uniform_cut(&document, Fineness::Finest)
+            .unwrap()
+            .triangles();
         for budget in [1, 12, 200, 5_000, finest] {
             let cut = uniform_cut(&document, Fineness::Triangles(budget)).unwrap();
             assert!(cut.triangles() <= budget.max(12));
-            assert!(extract_mesh(&document, &source, &cut).unwrap().triangles.len() as u64 <= cut.triangles());
+            assert!(
+                extract_mesh(&document, &source, &cut)
+                    .unwrap()
+                    .triangles
+                    .len() as u64
+                    <= cut.triangles()
+            );
         }
-        assert_eq!(uniform_cut(&document, Fineness::Triangles(finest)).unwrap().triangles(), finest);
+        assert_eq!(
+            uniform_cut(&document, Fineness::Triangles(finest))
+                .unwrap()
+                .triangles(),
+            finest
+        );
     }
 }

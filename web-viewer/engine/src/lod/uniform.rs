@@ -34,7 +34,9 @@ pub fn uniform_cut(document: &Document, fineness: Fineness) -> Result<Cut, Engin
         Fineness::Triangles(most) => Ok(within(document, |cut| cut.triangles() <= most)),
         Fineness::Bytes(most) => {
             let base_bytes = base_bytes(document);
-            Ok(within(document, |cut| cut_bytes(document, cut).saturating_add(base_bytes) <= most))
+            Ok(within(document, |cut| {
+                cut_bytes(document, cut).saturating_add(base_bytes) <= most
+            }))
         }
     }
 }
@@ -42,13 +44,21 @@ pub fn uniform_cut(document: &Document, fineness: Fineness) -> Result<Cut, Engin
 /// Stored bytes of the pages that `cut` needs beyond the base.
 pub fn cut_bytes(document: &Document, cut: &Cut) -> u64 {
     let pages = needed_pages(cut, document);
-    pages.iter().filter_map(|needed| document.page(needed.page)).map(|entry| u64::from(entry.length)).sum()
+    pages
+        .iter()
+        .filter_map(|needed| document.page(needed.page))
+        .map(|entry| u64::from(entry.length))
+        .sum()
 }
 
 /// Where the first page starts: what is read before any page.
 fn base_bytes(document: &Document) -> u64 {
     let pages = (0..document.page_count()).filter_map(|page| document.page(PageId(page)));
-    pages.filter(|entry| entry.length > 0).map(|entry| entry.offset).min().unwrap_or(0)
+    pages
+        .filter(|entry| entry.length > 0)
+        .map(|entry| entry.offset)
+        .min()
+        .unwrap_or(0)
 }
 
 fn check_index(document: &Document) -> Result<(), EngineError> {
@@ -64,33 +74,50 @@ fn cut_at(document: &Document, error: f64) -> Cut {
     for index in 0..document.charts.len() {
         let Ok(id) = u32::try_from(index) else { break };
         let root = NodeId::root(ChartId(id));
-        let Some(entry) = document.page(PageId(id)) else { continue };
+        let Some(entry) = document.page(PageId(id)) else {
+            continue;
+        };
         let fine_enough = entry.errors.iter().position(|e| f64::from(*e) <= error);
         let last = entry.errors.len().saturating_sub(1);
-        let resolution = fine_enough.unwrap_or(last).min(usize::from(entry.resolution));
-        cut.set_root(ChartId(id), u8::try_from(resolution).unwrap_or(PAGE_RESOLUTION));
+        let resolution = fine_enough
+            .unwrap_or(last)
+            .min(usize::from(entry.resolution));
+        cut.set_root(
+            ChartId(id),
+            u8::try_from(resolution).unwrap_or(PAGE_RESOLUTION),
+        );
         if fine_enough.is_some() {
             continue;
         }
         let mut stack = vec![(root, PageId(id))];
         while let Some((node, page)) = stack.pop() {
-            let Some(first) = document.first_child(page) else { continue };
+            let Some(first) = document.first_child(page) else {
+                continue;
+            };
             cut.split(node);
             for (quadrant, page) in QUADRANTS.into_iter().zip(children(first)) {
                 let too_coarse = |e: &f32| f64::from(*e) > error;
-                if document.page(page).and_then(|entry| entry.errors.first()).is_some_and(too_coarse) {
+                if document
+                    .page(page)
+                    .and_then(|entry| entry.errors.first())
+                    .is_some_and(too_coarse)
+                {
                     stack.push((node.child(quadrant), page));
                 }
             }
         }
     }
-    balance::refine(&mut cut, &document.charts, |leaf| is_refinable(document, leaf));
+    balance::refine(&mut cut, &document.charts, |leaf| {
+        is_refinable(document, leaf)
+    });
     balance::coarsen(&mut cut, &document.charts);
     cut
 }
 
 fn is_refinable(document: &Document, leaf: Leaf) -> bool {
-    let Some(page) = document.page_of_node(leaf.node) else { return false };
+    let Some(page) = document.page_of_node(leaf.node) else {
+        return false;
+    };
     let root_resolution = document.page(page).map_or(0, |entry| entry.resolution);
     leaf.grid_resolution() < root_resolution || document.first_child(page).is_some()
 }

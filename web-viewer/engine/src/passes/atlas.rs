@@ -22,12 +22,19 @@ impl AtlasTextures {
     pub fn new(device: &wgpu::Device, layers: u32, has_colours: bool) -> Result<Self, EngineError> {
         let available = device.limits().max_texture_array_layers.min(MAX_LAYERS);
         if layers > available {
-            return Err(EngineError::DeviceTooSmall { needed: layers, available });
+            return Err(EngineError::DeviceTooSmall {
+                needed: layers,
+                available,
+            });
         }
         let texture = |label, format, size, layers| {
             device.create_texture(&wgpu::TextureDescriptor {
                 label: Some(label),
-                size: wgpu::Extent3d { width: size, height: size, depth_or_array_layers: layers },
+                size: wgpu::Extent3d {
+                    width: size,
+                    height: size,
+                    depth_or_array_layers: layers,
+                },
                 mip_level_count: 1,
                 sample_count: 1,
                 dimension: wgpu::TextureDimension::D2,
@@ -38,11 +45,25 @@ impl AtlasTextures {
                 view_formats: &[],
             })
         };
-        let (colour_size, colour_layers) = if has_colours { (LAYER_SIZE, layers) } else { (1, 1) };
+        let (colour_size, colour_layers) = if has_colours {
+            (LAYER_SIZE, layers)
+        } else {
+            (1, 1)
+        };
         Ok(Self {
-            positions: texture("positions", wgpu::TextureFormat::Rgba32Uint, LAYER_SIZE, layers),
+            positions: texture(
+                "positions",
+                wgpu::TextureFormat::Rgba32Uint,
+                LAYER_SIZE,
+                layers,
+            ),
             normals: texture("normals", wgpu::TextureFormat::R32Uint, LAYER_SIZE, layers),
-            colours: texture("colours", wgpu::TextureFormat::Rg32Uint, colour_size, colour_layers),
+            colours: texture(
+                "colours",
+                wgpu::TextureFormat::Rg32Uint,
+                colour_size,
+                colour_layers,
+            ),
             layers,
             has_colours,
         })
@@ -64,7 +85,11 @@ impl AtlasTextures {
         let available = device.limits().max_texture_array_layers.min(MAX_LAYERS);
         let doubled = layers.max(2 * self.layers).min(available.max(layers));
         let larger = Self::new(device, doubled, self.has_colours)?;
-        let copies = [(&self.positions, &larger.positions), (&self.normals, &larger.normals), (&self.colours, &larger.colours)];
+        let copies = [
+            (&self.positions, &larger.positions),
+            (&self.normals, &larger.normals),
+            (&self.colours, &larger.colours),
+        ];
         for (from, to) in copies {
             encoder.copy_texture_to_texture(from.as_image_copy(), to.as_image_copy(), from.size());
         }
@@ -73,10 +98,25 @@ impl AtlasTextures {
 
     /// Writes one page to its slot.
     pub fn write(&self, queue: &wgpu::Queue, upload: &Upload) {
-        write(queue, &self.positions, upload.slot, bytemuck::cast_slice(&upload.positions));
-        write(queue, &self.normals, upload.slot, bytemuck::cast_slice(&upload.normals));
+        write(
+            queue,
+            &self.positions,
+            upload.slot,
+            bytemuck::cast_slice(&upload.positions),
+        );
+        write(
+            queue,
+            &self.normals,
+            upload.slot,
+            bytemuck::cast_slice(&upload.normals),
+        );
         if self.has_colours {
-            write(queue, &self.colours, upload.slot, bytemuck::cast_slice(&upload.colours));
+            write(
+                queue,
+                &self.colours,
+                upload.slot,
+                bytemuck::cast_slice(&upload.colours),
+            );
         }
     }
 
@@ -93,18 +133,34 @@ impl AtlasTextures {
 
 fn write(queue: &wgpu::Queue, texture: &wgpu::Texture, slot: Slot, bytes: &[u8]) {
     let side = slot.side();
-    let Some(row_bytes) = u32::try_from(bytes.len()).ok().and_then(|len| len.checked_div(side)).filter(|n| *n > 0) else {
+    let Some(row_bytes) = u32::try_from(bytes.len())
+        .ok()
+        .and_then(|len| len.checked_div(side))
+        .filter(|n| *n > 0)
+    else {
         return;
     };
     queue.write_texture(
         wgpu::TexelCopyTextureInfo {
             texture,
             mip_level: 0,
-            origin: wgpu::Origin3d { x: slot.x, y: slot.y, z: slot.layer },
+            origin: wgpu::Origin3d {
+                x: slot.x,
+                y: slot.y,
+                z: slot.layer,
+            },
             aspect: wgpu::TextureAspect::All,
         },
         bytes,
-        wgpu::TexelCopyBufferLayout { offset: 0, bytes_per_row: Some(row_bytes), rows_per_image: Some(side) },
-        wgpu::Extent3d { width: side, height: side, depth_or_array_layers: 1 },
+        wgpu::TexelCopyBufferLayout {
+            offset: 0,
+            bytes_per_row: Some(row_bytes),
+            rows_per_image: Some(side),
+        },
+        wgpu::Extent3d {
+            width: side,
+            height: side,
+            depth_or_array_layers: 1,
+        },
     );
 }

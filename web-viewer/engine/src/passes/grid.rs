@@ -71,11 +71,24 @@ impl GridPass {
             ],
         });
         let (triangle_ranges, line_ranges, indices) = grid_indices();
-        let pipelines = Pipelines { device, module: &module, layout: &layout, format };
+        let pipelines = Pipelines {
+            device,
+            module: &module,
+            layout: &layout,
+            format,
+        };
         let indices = index_buffer(device, queue, &indices);
         Self {
-            surface: pipelines.make(wgpu::PrimitiveTopology::TriangleList, "surface_vertex", "surface_fragment"),
-            lines: pipelines.make(wgpu::PrimitiveTopology::LineList, "line_vertex", "line_fragment"),
+            surface: pipelines.make(
+                wgpu::PrimitiveTopology::TriangleList,
+                "surface_vertex",
+                "surface_fragment",
+            ),
+            lines: pipelines.make(
+                wgpu::PrimitiveTopology::LineList,
+                "line_vertex",
+                "line_fragment",
+            ),
             frame: device.create_buffer(&wgpu::BufferDescriptor {
                 label: Some("frame"),
                 size: size_of::<Frame>() as u64,
@@ -97,12 +110,18 @@ impl GridPass {
     /// Binds the samples to draw from.
     pub fn bind(&self, device: &wgpu::Device, atlas: &AtlasTextures) -> wgpu::BindGroup {
         let [positions, normals, colours] = atlas.views();
-        let view = |binding, view| wgpu::BindGroupEntry { binding, resource: wgpu::BindingResource::TextureView(view) };
+        let view = |binding, view| wgpu::BindGroupEntry {
+            binding,
+            resource: wgpu::BindingResource::TextureView(view),
+        };
         device.create_bind_group(&wgpu::BindGroupDescriptor {
             label: Some("grid"),
             layout: &self.layout,
             entries: &[
-                wgpu::BindGroupEntry { binding: 0, resource: self.frame.as_entire_binding() },
+                wgpu::BindGroupEntry {
+                    binding: 0,
+                    resource: self.frame.as_entire_binding(),
+                },
                 view(1, &positions),
                 view(2, &normals),
                 view(3, &colours),
@@ -147,50 +166,67 @@ struct Pipelines<'a> {
 }
 
 impl Pipelines<'_> {
-    fn make(&self, topology: wgpu::PrimitiveTopology, vertex: &str, fragment: &str) -> wgpu::RenderPipeline {
-        let layout = self.device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
-            label: Some("grid"),
-            bind_group_layouts: &[Some(self.layout)],
-            immediate_size: 0,
-        });
+    fn make(
+        &self,
+        topology: wgpu::PrimitiveTopology,
+        vertex: &str,
+        fragment: &str,
+    ) -> wgpu::RenderPipeline {
+        let layout = self
+            .device
+            .create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
+                label: Some("grid"),
+                bind_group_layouts: &[Some(self.layout)],
+                immediate_size: 0,
+            });
         let encode_srgb = if self.format.is_srgb() { 0.0 } else { 1.0 };
         let constants = [("encode_srgb", encode_srgb)];
-        self.device.create_render_pipeline(&wgpu::RenderPipelineDescriptor {
-            label: Some(vertex),
-            layout: Some(&layout),
-            vertex: wgpu::VertexState {
-                module: self.module,
-                entry_point: Some(vertex),
-                compilation_options: wgpu::PipelineCompilationOptions::default(),
-                buffers: &[Some(wgpu::VertexBufferLayout {
-                    array_stride: size_of::<Instance>() as u64,
-                    step_mode: wgpu::VertexStepMode::Instance,
-                    attributes: &Instance::ATTRIBUTES,
-                })],
-            },
-            // Both faces are drawn: open scans are seen from behind, too.
-            primitive: wgpu::PrimitiveState { topology, ..Default::default() },
-            depth_stencil: Some(wgpu::DepthStencilState {
-                format: DEPTH_FORMAT,
-                depth_write_enabled: Some(true),
-                depth_compare: Some(wgpu::CompareFunction::GreaterEqual),
-                stencil: wgpu::StencilState::default(),
-                bias: wgpu::DepthBiasState::default(),
-            }),
-            multisample: wgpu::MultisampleState { count: SAMPLES, ..Default::default() },
-            fragment: Some(wgpu::FragmentState {
-                module: self.module,
-                entry_point: Some(fragment),
-                compilation_options: wgpu::PipelineCompilationOptions { constants: &constants, ..Default::default() },
-                targets: &[Some(wgpu::ColorTargetState {
-                    format: self.format,
-                    blend: None,
-                    write_mask: wgpu::ColorWrites::ALL,
-                })],
-            }),
-            multiview_mask: None,
-            cache: None,
-        })
+        self.device
+            .create_render_pipeline(&wgpu::RenderPipelineDescriptor {
+                label: Some(vertex),
+                layout: Some(&layout),
+                vertex: wgpu::VertexState {
+                    module: self.module,
+                    entry_point: Some(vertex),
+                    compilation_options: wgpu::PipelineCompilationOptions::default(),
+                    buffers: &[Some(wgpu::VertexBufferLayout {
+                        array_stride: size_of::<Instance>() as u64,
+                        step_mode: wgpu::VertexStepMode::Instance,
+                        attributes: &Instance::ATTRIBUTES,
+                    })],
+                },
+                // Both faces are drawn: open scans are seen from behind, too.
+                primitive: wgpu::PrimitiveState {
+                    topology,
+                    ..Default::default()
+                },
+                depth_stencil: Some(wgpu::DepthStencilState {
+                    format: DEPTH_FORMAT,
+                    depth_write_enabled: Some(true),
+                    depth_compare: Some(wgpu::CompareFunction::GreaterEqual),
+                    stencil: wgpu::StencilState::default(),
+                    bias: wgpu::DepthBiasState::default(),
+                }),
+                multisample: wgpu::MultisampleState {
+                    count: SAMPLES,
+                    ..Default::default()
+                },
+                fragment: Some(wgpu::FragmentState {
+                    module: self.module,
+                    entry_point: Some(fragment),
+                    compilation_options: wgpu::PipelineCompilationOptions {
+                        constants: &constants,
+                        ..Default::default()
+                    },
+                    targets: &[Some(wgpu::ColorTargetState {
+                        format: self.format,
+                        blend: None,
+                        write_mask: wgpu::ColorWrites::ALL,
+                    })],
+                }),
+                multiview_mask: None,
+                cache: None,
+            })
     }
 }
 
@@ -251,9 +287,15 @@ mod tests {
             let cells = 1u32 << n;
             let range = triangles[n as usize].clone();
             assert_eq!(range.len() as u32, 6 * cells * cells);
-            let most = indices[range.start as usize..range.end as usize].iter().max().copied();
+            let most = indices[range.start as usize..range.end as usize]
+                .iter()
+                .max()
+                .copied();
             assert_eq!(most.map(u32::from), Some((cells + 1) * (cells + 1) - 1));
-            assert_eq!(lines[n as usize].len() as u32, 2 * (3 * cells * cells + 2 * cells));
+            assert_eq!(
+                lines[n as usize].len() as u32,
+                2 * (3 * cells * cells + 2 * cells)
+            );
         }
     }
 }

@@ -110,15 +110,22 @@ impl Fetcher {
             }
             if self.may_ask(now, Item::Block(*block)) {
                 let range = document.index_block_range(*block);
-                requests.extend(self.ask(RequestKind::IndexBlock(*block), range, [Item::Block(*block)].into_iter()));
+                requests.extend(self.ask(
+                    RequestKind::IndexBlock(*block),
+                    range,
+                    [Item::Block(*block)].into_iter(),
+                ));
             }
         }
         self.forget_old_failures(blocks, pages);
         if self.in_flight.len() >= limit || self.arrived.len() >= MOST_WAITING {
             return requests;
         }
-        let mut open: BTreeSet<PageId> =
-            pages.iter().copied().filter(|page| self.may_ask(now, Item::Page(*page))).collect();
+        let mut open: BTreeSet<PageId> = pages
+            .iter()
+            .copied()
+            .filter(|page| self.may_ask(now, Item::Page(*page)))
+            .collect();
         for page in pages {
             if self.in_flight.len() >= limit {
                 break;
@@ -129,7 +136,10 @@ impl Fetcher {
                     open.remove(&page);
                 });
                 self.requested += u64::from(run.end - run.start);
-                let kind = RequestKind::Pages { first: PageId(run.start), last: PageId(run.end - 1) };
+                let kind = RequestKind::Pages {
+                    first: PageId(run.start),
+                    last: PageId(run.end - 1),
+                };
                 requests.extend(self.ask(kind, range, pages.map(Item::Page)));
             }
         }
@@ -144,10 +154,14 @@ impl Fetcher {
         id: RequestId,
         answer: Result<Vec<u8>, String>,
     ) -> Delivery {
-        let Some(request) = self.in_flight.remove(&id) else { return Delivery::Nothing };
+        let Some(request) = self.in_flight.remove(&id) else {
+            return Delivery::Nothing;
+        };
         let items: Vec<Item> = match request.kind {
             RequestKind::IndexBlock(block) => vec![Item::Block(block)],
-            RequestKind::Pages { first, last } => (first.0..=last.0).map(|page| Item::Page(PageId(page))).collect(),
+            RequestKind::Pages { first, last } => (first.0..=last.0)
+                .map(|page| Item::Page(PageId(page)))
+                .collect(),
         };
         for item in &items {
             self.pending.remove(item);
@@ -157,13 +171,23 @@ impl Fetcher {
             if u64::try_from(bytes.len()) == Ok(expected) {
                 Ok(bytes)
             } else {
-                Err(format!("{} bytes came, {expected} were asked for", bytes.len()))
+                Err(format!(
+                    "{} bytes came, {expected} were asked for",
+                    bytes.len()
+                ))
             }
         });
         let bytes = match answer {
             Ok(bytes) => bytes,
             Err(reason) => {
-                self.fail(now, &items, &format!("bytes {}..{}: {reason}", request.range.start, request.range.end));
+                self.fail(
+                    now,
+                    &items,
+                    &format!(
+                        "bytes {}..{}: {reason}",
+                        request.range.start, request.range.end
+                    ),
+                );
                 return Delivery::Nothing;
             }
         };
@@ -171,8 +195,13 @@ impl Fetcher {
         let mut rest = bytes.as_slice();
         for item in items {
             let Item::Page(page) = item else { continue };
-            let length = document.page(page).and_then(|entry| usize::try_from(entry.length).ok()).unwrap_or(0);
-            let Some((own, after)) = rest.split_at_checked(length) else { break };
+            let length = document
+                .page(page)
+                .and_then(|entry| usize::try_from(entry.length).ok())
+                .unwrap_or(0);
+            let Some((own, after)) = rest.split_at_checked(length) else {
+                break;
+            };
             rest = after;
             if length > 0 {
                 self.arrived.insert(page, own.to_vec());
@@ -187,9 +216,19 @@ impl Fetcher {
     /// Notes that items failed, so that they are asked for again after a pause.
     pub fn fail(&mut self, now: f64, items: &[Item], words: &str) {
         for item in items {
-            let failures = self.retries.get(item).map_or(0, |retry| retry.failures).saturating_add(1);
+            let failures = self
+                .retries
+                .get(item)
+                .map_or(0, |retry| retry.failures)
+                .saturating_add(1);
             let pause = (FIRST_PAUSE * 2f64.powi((failures - 1).min(16))).min(LONGEST_PAUSE);
-            self.retries.insert(*item, Retry { failures, not_before: now + pause });
+            self.retries.insert(
+                *item,
+                Retry {
+                    failures,
+                    not_before: now + pause,
+                },
+            );
         }
         self.failures += 1;
         if self.words.len() == FAILURES_KEPT {
@@ -268,15 +307,27 @@ impl Fetcher {
         let waiting = matches!(item, Item::Page(page) if self.arrived.contains_key(&page));
         !waiting
             && !self.pending.contains(&item)
-            && self.retries.get(&item).is_none_or(|retry| retry.not_before <= now)
+            && self
+                .retries
+                .get(&item)
+                .is_none_or(|retry| retry.not_before <= now)
     }
 
-    fn ask(&mut self, kind: RequestKind, range: Range<u64>, items: impl Iterator<Item = Item>) -> Option<Request> {
+    fn ask(
+        &mut self,
+        kind: RequestKind,
+        range: Range<u64>,
+        items: impl Iterator<Item = Item>,
+    ) -> Option<Request> {
         if range.is_empty() {
             return None;
         }
         self.pending.extend(items);
-        let request = Request { id: RequestId(self.next_id), kind, range };
+        let request = Request {
+            id: RequestId(self.next_id),
+            kind,
+            range,
+        };
         self.next_id += 1;
         self.in_flight.insert(request.id, request.clone());
         Some(request)
@@ -284,9 +335,15 @@ impl Fetcher {
 }
 
 /// The longest run of open pages around `page` that lie side by side in the file, within the limits of one request.
-fn run_around(document: &Document, open: &BTreeSet<PageId>, page: PageId) -> Option<(Range<u32>, Range<u64>)> {
+fn run_around(
+    document: &Document,
+    open: &BTreeSet<PageId>,
+    page: PageId,
+) -> Option<(Range<u32>, Range<u64>)> {
     let place = |page: u32| {
-        let entry = document.page(PageId(page)).filter(|entry| entry.length > 0)?;
+        let entry = document
+            .page(PageId(page))
+            .filter(|entry| entry.length > 0)?;
         Some(entry.offset..entry.offset.checked_add(u64::from(entry.length))?)
     };
     if !open.contains(&page) {
@@ -307,7 +364,10 @@ fn run_around(document: &Document, open: &BTreeSet<PageId>, page: PageId) -> Opt
             bytes.end = next.end;
             continue;
         }
-        if let Some(before) = pages.start.checked_sub(1).filter(|before| open.contains(&PageId(*before)))
+        if let Some(before) = pages
+            .start
+            .checked_sub(1)
+            .filter(|before| open.contains(&PageId(*before)))
             && let Some(previous) = place(before).filter(|previous| previous.end == bytes.start)
             && !full(&(previous.start..bytes.end))
         {
@@ -329,9 +389,14 @@ mod tests {
 
     fn cube() -> (Document, Vec<u8>, Vec<PageId>) {
         let charts = Shape::Cube.charts(5);
-        let (document, source) = Shape::Cube.open(&random_finest(&mut Random::new(1), &charts, 2, 5)).unwrap();
+        let (document, source) = Shape::Cube
+            .open(&random_finest(&mut Random::new(1), &charts, 2, 5))
+            .unwrap();
         let cut = uniform_cut(&document, Fineness::Finest).unwrap();
-        let pages = needed_pages(&cut, &document).iter().map(|needed| needed.page).collect();
+        let pages = needed_pages(&cut, &document)
+            .iter()
+            .map(|needed| needed.page)
+            .collect();
         (document, source, pages)
     }
 
@@ -341,10 +406,19 @@ mod tests {
         let mut fetcher = Fetcher::default();
         let requests = fetcher.schedule(0.0, 1000, &document, &BTreeSet::new(), &pages);
         assert!(requests.len() < pages.len());
-        assert!(fetcher.schedule(0.0, 1000, &document, &BTreeSet::new(), &pages).is_empty());
+        assert!(
+            fetcher
+                .schedule(0.0, 1000, &document, &BTreeSet::new(), &pages)
+                .is_empty()
+        );
         for request in requests {
-            let bytes = file[usize::try_from(request.range.start).unwrap()..usize::try_from(request.range.end).unwrap()].to_vec();
-            assert_eq!(fetcher.deliver(0.0, &document, request.id, Ok(bytes)), Delivery::Pages);
+            let bytes = file[usize::try_from(request.range.start).unwrap()
+                ..usize::try_from(request.range.end).unwrap()]
+                .to_vec();
+            assert_eq!(
+                fetcher.deliver(0.0, &document, request.id, Ok(bytes)),
+                Delivery::Pages
+            );
         }
         let mut sorted = pages.clone();
         sorted.sort_unstable();
@@ -352,7 +426,10 @@ mod tests {
         for page in pages {
             let entry = document.page(page).unwrap();
             let start = usize::try_from(entry.offset).unwrap();
-            assert_eq!(fetcher.bytes_of(page).unwrap(), &file[start..start + entry.length as usize]);
+            assert_eq!(
+                fetcher.bytes_of(page).unwrap(),
+                &file[start..start + entry.length as usize]
+            );
         }
     }
 
@@ -361,8 +438,17 @@ mod tests {
         let (document, _, pages) = cube();
         let mut fetcher = Fetcher::default();
         let scattered: Vec<PageId> = pages.iter().copied().step_by(2).collect();
-        assert_eq!(fetcher.schedule(0.0, 3, &document, &BTreeSet::new(), &scattered).len(), 3);
-        assert!(fetcher.schedule(0.0, 3, &document, &BTreeSet::new(), &scattered).is_empty());
+        assert_eq!(
+            fetcher
+                .schedule(0.0, 3, &document, &BTreeSet::new(), &scattered)
+                .len(),
+            3
+        );
+        assert!(
+            fetcher
+                .schedule(0.0, 3, &document, &BTreeSet::new(), &scattered)
+                .is_empty()
+        );
     }
 
     #[test]
@@ -370,17 +456,28 @@ mod tests {
         let (document, _, pages) = cube();
         let mut fetcher = Fetcher::default();
         let (mut now, mut pauses) = (0.0, Vec::new());
-        for answer in [Err("refused".to_owned()), Ok(Vec::new()), Ok(vec![0; 1]), Err(String::new())] {
+        for answer in [
+            Err("refused".to_owned()),
+            Ok(Vec::new()),
+            Ok(vec![0; 1]),
+            Err(String::new()),
+        ] {
             let mut start = now;
             let request = loop {
-                if let Some(request) = fetcher.schedule(now, 1, &document, &BTreeSet::new(), &pages[..1]).pop() {
+                if let Some(request) = fetcher
+                    .schedule(now, 1, &document, &BTreeSet::new(), &pages[..1])
+                    .pop()
+                {
                     break request;
                 }
                 now += 0.125;
                 start = start.min(now);
             };
             pauses.push(now - start);
-            assert_eq!(fetcher.deliver(now, &document, request.id, answer), Delivery::Nothing);
+            assert_eq!(
+                fetcher.deliver(now, &document, request.id, answer),
+                Delivery::Nothing
+            );
         }
         assert_eq!(pauses, [0.0, 0.25, 0.5, 1.0]);
         assert_eq!(fetcher.take_failures().len(), 4);
@@ -391,7 +488,10 @@ mod tests {
     fn answers_to_unknown_requests_are_ignored() {
         let (document, ..) = cube();
         let mut fetcher = Fetcher::default();
-        assert_eq!(fetcher.deliver(0.0, &document, RequestId(7), Ok(vec![1])), Delivery::Nothing);
+        assert_eq!(
+            fetcher.deliver(0.0, &document, RequestId(7), Ok(vec![1])),
+            Delivery::Nothing
+        );
         assert_eq!(fetcher.failure_count(), 0);
     }
 }

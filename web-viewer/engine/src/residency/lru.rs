@@ -13,7 +13,11 @@ pub struct Lru<K> {
 
 impl<K> Default for Lru<K> {
     fn default() -> Self {
-        Self { stamps: HashMap::new(), by_stamp: BTreeMap::new(), next: 0 }
+        Self {
+            stamps: HashMap::new(),
+            by_stamp: BTreeMap::new(),
+            next: 0,
+        }
     }
 }
 

@@ -82,7 +82,10 @@ impl PageTable {
     /// Makes room for a page of `bytes`, evicting what was used longest ago and is not in `pinned`. Whether it fits.
     pub fn make_room(&mut self, bytes: u64, capacity_bytes: u64, pinned: &HashSet<PageId>) -> bool {
         while self.used_bytes.saturating_add(bytes) > capacity_bytes {
-            let victim = self.lru.oldest_first().find(|page| self.is_evictable(*page, pinned));
+            let victim = self
+                .lru
+                .oldest_first()
+                .find(|page| self.is_evictable(*page, pinned));
             let Some(victim) = victim else { return false };
             self.evict(victim);
         }
@@ -90,12 +93,33 @@ impl PageTable {
     }
 
     /// Takes a decoded page; whether there was a slot for it. Room must have been made.
-    pub fn insert(&mut self, page: PageId, parent: Option<PageId>, samples: PageSamples, has_children: bool) -> bool {
-        let Some(slot) = self.slots.allocate(samples.resolution) else { return false };
+    pub fn insert(
+        &mut self,
+        page: PageId,
+        parent: Option<PageId>,
+        samples: PageSamples,
+        has_children: bool,
+    ) -> bool {
+        let Some(slot) = self.slots.allocate(samples.resolution) else {
+            return false;
+        };
         self.uploads.push(Upload::pack(slot, &samples));
-        let bytes = bytes_of(samples.resolution, has_children, !samples.colours.is_empty());
+        let bytes = bytes_of(
+            samples.resolution,
+            has_children,
+            !samples.colours.is_empty(),
+        );
         let samples = has_children.then_some(samples);
-        self.pages.insert(page, Resident { slot, samples, parent, resident_children: 0, bytes });
+        self.pages.insert(
+            page,
+            Resident {
+                slot,
+                samples,
+                parent,
+                resident_children: 0,
+                bytes,
+            },
+        );
         if let Some(parent) = parent.and_then(|parent| self.pages.get_mut(&parent)) {
             parent.resident_children += 1;
         }
@@ -135,13 +159,22 @@ impl PageTable {
     }
 
     fn is_evictable(&self, page: PageId, pinned: &HashSet<PageId>) -> bool {
-        !pinned.contains(&page) && self.pages.get(&page).is_some_and(|resident| resident.resident_children == 0)
+        !pinned.contains(&page)
+            && self
+                .pages
+                .get(&page)
+                .is_some_and(|resident| resident.resident_children == 0)
     }
 
     fn evict(&mut self, page: PageId) {
         self.lru.remove(page);
-        let Some(resident) = self.pages.remove(&page) else { return };
-        if let Some(parent) = resident.parent.and_then(|parent| self.pages.get_mut(&parent)) {
+        let Some(resident) = self.pages.remove(&page) else {
+            return;
+        };
+        if let Some(parent) = resident
+            .parent
+            .and_then(|parent| self.pages.get_mut(&parent))
+        {
             parent.resident_children = parent.resident_children.saturating_sub(1);
         }
         self.uploads.retain(|upload| upload.slot != resident.slot);
@@ -154,7 +187,11 @@ impl PageTable {
 /// What a page takes: its texels, and its samples where children are decoded from them.
 pub fn bytes_of(resolution: u8, has_children: bool, has_colours: bool) -> u64 {
     let side = (1u64 << resolution) + 1;
-    let texels = if has_colours { COLOURED_SAMPLE_BYTES } else { SAMPLE_BYTES };
+    let texels = if has_colours {
+        COLOURED_SAMPLE_BYTES
+    } else {
+        SAMPLE_BYTES
+    };
     let kept = match (has_children, has_colours) {
         (false, _) => 0,
         (true, false) => KEPT_BYTES,
@@ -179,7 +216,13 @@ mod tests {
         }
     }
 
-    fn put(table: &mut PageTable, id: u32, parent: Option<u32>, capacity: u64, pinned: &[u32]) -> bool {
+    fn put(
+        table: &mut PageTable,
+        id: u32,
+        parent: Option<u32>,
+        capacity: u64,
+        pinned: &[u32],
+    ) -> bool {
         let pinned = pinned.iter().map(|id| PageId(*id)).collect();
         table.make_room(bytes_of(5, true, false), capacity, &pinned)
             && table.insert(PageId(id), parent.map(PageId), page(5), true)
@@ -205,7 +248,9 @@ mod tests {
         assert!(put(&mut table, 1, Some(0), capacity, &[]));
         assert!(put(&mut table, 2, None, capacity, &[]));
         assert!(put(&mut table, 3, None, capacity, &[2]));
-        assert!(table.contains(PageId(0)) && table.contains(PageId(2)) && !table.contains(PageId(1)));
+        assert!(
+            table.contains(PageId(0)) && table.contains(PageId(2)) && !table.contains(PageId(1))
+        );
         assert!(!put(&mut table, 4, None, capacity, &[0, 2, 3]));
         assert_eq!(table.used_bytes(), capacity);
     }

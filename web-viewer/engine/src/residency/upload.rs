@@ -63,7 +63,11 @@ pub struct SlotAllocator {
 impl SlotAllocator {
     /// A free slot of that resolution (0..=5); `None` when the textures are full.
     pub fn allocate(&mut self, resolution: u8) -> Option<Slot> {
-        let open = self.open.range((resolution, 0)..=(resolution, u32::MAX)).next().map(|((_, band), ())| *band);
+        let open = self
+            .open
+            .range((resolution, 0)..=(resolution, u32::MAX))
+            .next()
+            .map(|((_, band), ())| *band);
         let index = match open {
             Some(band) => band,
             None => self.new_band(resolution)?,
@@ -86,10 +90,16 @@ impl SlotAllocator {
     /// Gives a slot back.
     pub fn free(&mut self, slot: Slot) {
         let index = slot.band();
-        let Some(place) = usize::try_from(index).ok().and_then(|index| self.bands.get_mut(index)) else { return };
+        let Some(place) = usize::try_from(index)
+            .ok()
+            .and_then(|index| self.bands.get_mut(index))
+        else {
+            return;
+        };
         let Some(band) = place.as_mut() else { return };
         let across = LAYER_SIZE / slot.side();
-        band.free.push(slot.y % BAND_ROWS / slot.side() * across + slot.x / slot.side());
+        band.free
+            .push(slot.y % BAND_ROWS / slot.side() * across + slot.x / slot.side());
         self.open.insert((slot.resolution, index), ());
         if band.free.len() == band.total {
             *place = None;
@@ -100,20 +110,26 @@ impl SlotAllocator {
 
     /// Layers in use so far; never shrinks.
     pub fn layers(&self) -> u32 {
-        u32::try_from(self.bands.len()).unwrap_or(u32::MAX).div_ceil(BANDS_PER_LAYER)
+        u32::try_from(self.bands.len())
+            .unwrap_or(u32::MAX)
+            .div_ceil(BANDS_PER_LAYER)
     }
 
     fn new_band(&mut self, resolution: u8) -> Option<u32> {
         let index = match self.empty.pop() {
             Some(index) => index,
             None => {
-                let index = u32::try_from(self.bands.len()).ok().filter(|n| *n < MAX_LAYERS * BANDS_PER_LAYER)?;
+                let index = u32::try_from(self.bands.len())
+                    .ok()
+                    .filter(|n| *n < MAX_LAYERS * BANDS_PER_LAYER)?;
                 self.bands.push(None);
                 index
             }
         };
         let side = (1u32 << resolution) + 1;
-        let free: Vec<u32> = (0..(LAYER_SIZE / side) * (BAND_ROWS / side)).rev().collect();
+        let free: Vec<u32> = (0..(LAYER_SIZE / side) * (BAND_ROWS / side))
+            .rev()
+            .collect();
         let total = free.len();
         *self.bands.get_mut(usize::try_from(index).ok()?)? = Some(Band { free, total });
         self.open.insert((resolution, index), ());
@@ -137,18 +153,27 @@ pub struct Upload {
 impl Upload {
     /// Packs `samples` for `slot`, which has their resolution.
     pub fn pack(slot: Slot, samples: &PageSamples) -> Self {
-        let positions = samples.positions.iter().zip(&samples.position_targets).map(|(own, target)| {
-            let ([a, b], [c, d]) = (pack_point(*own), pack_point(*target));
-            [a, b, c, d]
-        });
+        let positions =
+            samples
+                .positions
+                .iter()
+                .zip(&samples.position_targets)
+                .map(|(own, target)| {
+                    let ([a, b], [c, d]) = (pack_point(*own), pack_point(*target));
+                    [a, b, c, d]
+                });
         let normals = samples.normals.iter().zip(&samples.normal_targets);
         let colours = samples.colours.iter().zip(&samples.colour_targets);
         let pack_colour = |[r, g, b]: [u8; 3]| u32::from_le_bytes([r, g, b, 0]);
         Self {
             slot,
             positions: positions.collect(),
-            normals: normals.map(|([a, b], [c, d])| u32::from_le_bytes([*a, *b, *c, *d])).collect(),
-            colours: colours.map(|(own, target)| [pack_colour(*own), pack_colour(*target)]).collect(),
+            normals: normals
+                .map(|([a, b], [c, d])| u32::from_le_bytes([*a, *b, *c, *d]))
+                .collect(),
+            colours: colours
+                .map(|(own, target)| [pack_colour(*own), pack_colour(*target)])
+                .collect(),
         }
     }
 }
@@ -161,7 +186,11 @@ pub fn pack_point([x, y, z]: [u32; 3]) -> [u32; 2] {
 /// The inverse of [`pack_point`].
 pub fn unpack_point([low, high]: [u32; 2]) -> [u32; 3] {
     const MASK: u32 = (1 << 21) - 1;
-    [low & MASK, low >> 21 | (high & 0x3ff) << 11, high >> 10 & MASK]
+    [
+        low & MASK,
+        low >> 21 | (high & 0x3ff) << 11,
+        high >> 10 & MASK,
+    ]
 }
 
 #[cfg(test)]
@@ -173,7 +202,12 @@ mod tests {
     #[test]
     fn points_survive_packing() {
         let mut random = Random::new(4);
-        let extremes = [[0; 3], [(1 << 21) - 1; 3], [(1 << 21) - 1, 0, (1 << 21) - 1], [0, (1 << 21) - 1, 0]];
+        let extremes = [
+            [0; 3],
+            [(1 << 21) - 1; 3],
+            [(1 << 21) - 1, 0, (1 << 21) - 1],
+            [0, (1 << 21) - 1, 0],
+        ];
         let others = (0..1000).map(|_| [0; 3].map(|_: u32| random.below(1 << 21)));
         for point in extremes.into_iter().chain(others.collect::<Vec<_>>()) {
             assert_eq!(unpack_point(pack_point(point)), point);
@@ -187,16 +221,26 @@ mod tests {
         let mut held: Vec<Slot> = Vec::new();
         for round in 0..3000 {
             if round > 1500 && random.below(3) > 0 && !held.is_empty() {
-                allocator.free(held.swap_remove(random.below(u32::try_from(held.len()).unwrap()) as usize));
+                allocator.free(
+                    held.swap_remove(random.below(u32::try_from(held.len()).unwrap()) as usize),
+                );
             } else {
-                held.push(allocator.allocate(u8::try_from(random.below(6)).unwrap()).unwrap());
+                held.push(
+                    allocator
+                        .allocate(u8::try_from(random.below(6)).unwrap())
+                        .unwrap(),
+                );
             }
         }
         let mut texels = HashSet::new();
         for slot in &held {
             assert!(slot.x + slot.side() <= LAYER_SIZE && slot.y + slot.side() <= LAYER_SIZE);
             for n in 0..slot.side() * slot.side() {
-                assert!(texels.insert((slot.layer, slot.x + n % slot.side(), slot.y + n / slot.side())));
+                assert!(texels.insert((
+                    slot.layer,
+                    slot.x + n % slot.side(),
+                    slot.y + n / slot.side()
+                )));
             }
         }
     }

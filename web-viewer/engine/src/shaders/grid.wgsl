@@ -57,11 +57,14 @@ fn surface_fragment(in: FromVertex, @builtin(front_facing) is_front: bool) -> @l
     let outward = select(frame.back.xyz, in.normal * inverseSqrt(max(squared, 1e-12)), squared > 1e-12);
     // Open scans are seen from behind, too.
     let normal = select(-outward, outward, is_front);
-    switch frame.shade {
-        case SHADE_NORMAL: { return encoded(linear_from_srgb(0.5 + 0.5 * outward)); }
-        case SHADE_LOD: { return encoded(lit(linear_from_srgb(resolution_colour(in.resolution)), normal)); }
-        default: { return encoded(lit(in.albedo, normal)); }
+    if frame.shade == SHADE_NORMAL {
+        return encoded(linear_from_srgb(0.5 + 0.5 * outward));
     }
+    var albedo = in.albedo;
+    if frame.shade == SHADE_LOD {
+        albedo = linear_from_srgb(resolution_colour(in.resolution));
+    }
+    return encoded(lit(albedo, normal));
 }
 
 @fragment

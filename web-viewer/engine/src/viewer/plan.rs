@@ -39,7 +39,8 @@ impl Viewer {
             };
             let wanted = viewer.forest.want(&viewer.document, &target);
             let needed = needed_pages(&wanted.cut, &viewer.document);
-            let fits = viewer.cache_bytes(&needed) <= viewer.options.cache_bytes || step >= LAST_BUDGET_STEP;
+            let fits = viewer.cache_bytes(&needed) <= viewer.options.cache_bytes
+                || step >= LAST_BUDGET_STEP;
             (fits, wanted, needed)
         };
         let mut best = try_step(self, self.budget_step);
@@ -63,20 +64,29 @@ impl Viewer {
 
     fn cache_bytes(&self, needed: &[NeededPage]) -> u64 {
         let has_colours = self.document.metadata.has_colours;
-        let entries = needed.iter().filter_map(|needed| self.document.page(needed.page));
-        entries.map(|entry| bytes_of(entry.resolution, entry.has_children, has_colours)).sum()
+        let entries = needed
+            .iter()
+            .filter_map(|needed| self.document.page(needed.page));
+        entries
+            .map(|entry| bytes_of(entry.resolution, entry.has_children, has_colours))
+            .sum()
     }
 
     fn need(&mut self, view: &View, pages: &[NeededPage]) {
         self.needed.clear();
         self.needed_index.clear();
         for what in pages {
-            let parent = what.parent.and_then(|parent| self.needed_index.get(&parent));
-            let parent_allowed = parent.and_then(|index| self.needed.get(*index)).is_none_or(|parent| parent.allowed);
+            let parent = what
+                .parent
+                .and_then(|parent| self.needed_index.get(&parent));
+            let parent_allowed = parent
+                .and_then(|index| self.needed.get(*index))
+                .is_none_or(|parent| parent.allowed);
             let needed = Needed {
                 what: *what,
                 importance_px: self.importance_px(view, what),
-                allowed: parent_allowed && self.filter.as_ref().is_none_or(|filter| filter(what.page)),
+                allowed: parent_allowed
+                    && self.filter.as_ref().is_none_or(|filter| filter(what.page)),
             };
             self.needed_index.insert(what.page, self.needed.len());
             self.needed.push(needed);
@@ -89,17 +99,28 @@ impl Viewer {
             Some((parent, _)) => (parent, None),
             None => (what.node, Some(usize::from(self.document.base_resolution))),
         };
-        let page = self.document.page_of_node(node).and_then(|page| self.document.page(page));
+        let page = self
+            .document
+            .page_of_node(node)
+            .and_then(|page| self.document.page(page));
         let Some(entry) = page else { return 0.0 };
-        let error = resolution.and_then(|resolution| entry.errors.get(resolution)).or_else(|| entry.errors.last());
+        let error = resolution
+            .and_then(|resolution| entry.errors.get(resolution))
+            .or_else(|| entry.errors.last());
         error.map_or(0.0, |error| importance_px(view, *error, &entry.bounds))
     }
 
     /// Pins the pages of the plan and of what is drawn, and marks them as used.
     pub(super) fn pin(&mut self) {
         let drawn = needed_pages(&self.drawn.cut, &self.document);
-        self.pinned = self.needed.iter().map(|needed| needed.what.page).chain(drawn.iter().map(|d| d.page)).collect();
+        self.pinned = self
+            .needed
+            .iter()
+            .map(|needed| needed.what.page)
+            .chain(drawn.iter().map(|d| d.page))
+            .collect();
         self.table.touch(drawn.iter().map(|needed| needed.page));
-        self.table.touch(self.needed.iter().map(|needed| needed.what.page));
+        self.table
+            .touch(self.needed.iter().map(|needed| needed.what.page));
     }
 }

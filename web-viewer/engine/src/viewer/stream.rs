@@ -13,7 +13,11 @@ impl Viewer {
     pub(super) fn decode_arrived(&mut self) {
         let mut left = self.options.pages_per_update;
         for page in self.fetcher.arrived() {
-            let Some(needed) = self.needed_index.get(&page).and_then(|index| self.needed.get(*index)) else {
+            let Some(needed) = self
+                .needed_index
+                .get(&page)
+                .and_then(|index| self.needed.get(*index))
+            else {
                 self.fetcher.forget(page);
                 continue;
             };
@@ -21,13 +25,25 @@ impl Viewer {
             if left == 0 {
                 break;
             }
-            if what.parent.is_some_and(|parent| !self.table.contains(parent)) {
+            if what
+                .parent
+                .is_some_and(|parent| !self.table.contains(parent))
+            {
                 continue;
             }
-            let Some(entry) = self.document.page(page) else { continue };
+            let Some(entry) = self.document.page(page) else {
+                continue;
+            };
             let has_children = entry.has_children;
-            let bytes = bytes_of(entry.resolution, has_children, self.document.metadata.has_colours);
-            if !self.table.make_room(bytes, self.options.cache_bytes, &self.pinned) {
+            let bytes = bytes_of(
+                entry.resolution,
+                has_children,
+                self.document.metadata.has_colours,
+            );
+            if !self
+                .table
+                .make_room(bytes, self.options.cache_bytes, &self.pinned)
+            {
                 break;
             }
             left -= 1;
@@ -40,7 +56,11 @@ impl Viewer {
                     self.fetcher.succeed(Item::Page(page));
                     self.target_is_stale = true;
                 }
-                Err(reason) => self.fetcher.fail(self.clock, &[Item::Page(page)], &format!("page {}: {reason}", page.0)),
+                Err(reason) => self.fetcher.fail(
+                    self.clock,
+                    &[Item::Page(page)],
+                    &format!("page {}: {reason}", page.0),
+                ),
             }
             self.fetcher.forget(page);
         }
@@ -56,7 +76,8 @@ impl Viewer {
                     None => base_of(&self.document, what.node.chart),
                 };
                 let samples = samples.ok_or("its parent is not in memory")?;
-                self.document.decode_child(what.page, quadrant, samples, bytes)
+                self.document
+                    .decode_child(what.page, quadrant, samples, bytes)
             }
         };
         decoded.map_err(|error| error.to_string())
@@ -66,10 +87,18 @@ impl Viewer {
     pub(super) fn schedule(&mut self) -> Vec<Request> {
         let mut missing: Vec<&Needed> = self.missing().filter(|needed| needed.allowed).collect();
         missing.sort_by(|a, b| {
-            b.importance_px.total_cmp(&a.importance_px).then_with(|| a.what.page.cmp(&b.what.page))
+            b.importance_px
+                .total_cmp(&a.importance_px)
+                .then_with(|| a.what.page.cmp(&b.what.page))
         });
         let pages: Vec<PageId> = missing.into_iter().map(|needed| needed.what.page).collect();
         let limit = self.options.requests_in_flight;
-        self.fetcher.schedule(self.clock, limit, &self.document, &self.wanted.blocks, &pages)
+        self.fetcher.schedule(
+            self.clock,
+            limit,
+            &self.document,
+            &self.wanted.blocks,
+            &pages,
+        )
     }
 }

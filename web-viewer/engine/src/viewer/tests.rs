@@ -8,7 +8,10 @@ use crate::testing::{Random, Shape, random_finest};
 use glam::DVec3;
 use marquetry_format::Limits;
 
-const VIEWPORT: Viewport = Viewport { width: 800, height: 600 };
+const VIEWPORT: Viewport = Viewport {
+    width: 800,
+    height: 600,
+};
 
 /// A file, and requests that have not been answered yet.
 struct Network {
@@ -23,11 +26,20 @@ impl Network {
     fn new(shape: Shape, seed: u64) -> Self {
         let mut random = Random::new(seed);
         let finest = random_finest(&mut random, &shape.charts(5), 3, 5);
-        Self { file: shape.write(&finest).unwrap(), open: Vec::new(), random, faulty_one_in: 0 }
+        Self {
+            file: shape.write(&finest).unwrap(),
+            open: Vec::new(),
+            random,
+            faulty_one_in: 0,
+        }
     }
 
     fn viewer(&self, options: ViewerOptions) -> Viewer {
-        Viewer::new(Document::open(&self.file, Limits::default()).unwrap(), options).unwrap()
+        Viewer::new(
+            Document::open(&self.file, Limits::default()).unwrap(),
+            options,
+        )
+        .unwrap()
     }
 
     /// One frame: some requests are answered, in any order.
@@ -85,7 +97,10 @@ fn check(viewer: &Viewer) {
     for leaf in drawn.cut.leaves() {
         let bounds = viewer.forest.bounds(&viewer.document, leaf.node).unwrap();
         seen += u64::from(view.sees(&bounds));
-        if SIDES.iter().any(|side| drawn.cut.across(charts, leaf, *side) == Across::Finer) {
+        if SIDES
+            .iter()
+            .any(|side| drawn.cut.across(charts, leaf, *side) == Across::Finer)
+        {
             assert_eq!(morph_of(&drawn.morphs, leaf), 0.0);
         }
     }
@@ -97,10 +112,16 @@ fn check(viewer: &Viewer) {
 }
 
 fn random_camera(random: &mut Random, metadata: &marquetry_format::Metadata) -> Camera {
-    let point = |random: &mut Random, size: f64| DVec3::from_array([0; 3].map(|_| size * (2.0 * random.unit() - 1.0)));
+    let point = |random: &mut Random, size: f64| {
+        DVec3::from_array([0; 3].map(|_| size * (2.0 * random.unit() - 1.0)))
+    };
     let eye = point(random, 3.0);
     let target = point(random, 0.5);
-    Camera { eye, target, ..Camera::standard(metadata, 0, 1.0).unwrap() }
+    Camera {
+        eye,
+        target,
+        ..Camera::standard(metadata, 0, 1.0).unwrap()
+    }
 }
 
 #[test]
@@ -108,7 +129,10 @@ fn settles_from_every_side_without_a_hole_and_within_budget() {
     for (shape, seed) in [(Shape::Cube, 1), (Shape::Torus, 2), (Shape::Strip, 3)] {
         let mut network = Network::new(shape, seed);
         for cache_bytes in [0, 50_000, 400_000, 1 << 30] {
-            let mut viewer = network.viewer(ViewerOptions { cache_bytes, ..ViewerOptions::default() });
+            let mut viewer = network.viewer(ViewerOptions {
+                cache_bytes,
+                ..ViewerOptions::default()
+            });
             network.open.clear();
             for index in [0, 4, 9, 25] {
                 viewer.set_camera(Camera::standard(&viewer.document.metadata, index, 1.6).unwrap());
@@ -124,7 +148,10 @@ fn settles_from_every_side_without_a_hole_and_within_budget() {
 fn settled_cut_depends_on_the_view_alone() {
     let mut network = Network::new(Shape::Cube, 4);
     for cache_bytes in [150_000, 1 << 30] {
-        let options = ViewerOptions { cache_bytes, ..ViewerOptions::default() };
+        let options = ViewerOptions {
+            cache_bytes,
+            ..ViewerOptions::default()
+        };
         let mut wanderer = network.viewer(options.clone());
         for _ in 0..6 {
             let camera = random_camera(&mut network.random, &wanderer.document.metadata);
@@ -145,7 +172,10 @@ fn settled_cut_depends_on_the_view_alone() {
 fn teleports_and_spins_never_show_a_hole() {
     let mut network = Network::new(Shape::Cube, 5);
     network.faulty_one_in = 5;
-    let mut viewer = network.viewer(ViewerOptions { cache_bytes: 300_000, ..ViewerOptions::default() });
+    let mut viewer = network.viewer(ViewerOptions {
+        cache_bytes: 300_000,
+        ..ViewerOptions::default()
+    });
     for frame in 0..400 {
         if frame % 7 == 0 {
             let camera = random_camera(&mut network.random, &viewer.document.metadata);
@@ -193,7 +223,11 @@ fn camera_inside_the_model_is_drawn_to_the_finest() {
     let mut network = Network::new(Shape::Cube, 8);
     let mut viewer = network.viewer(ViewerOptions::default());
     let surface = DVec3::new(0.0, 0.0, 0.8);
-    viewer.set_camera(Camera { eye: surface, target: DVec3::ZERO, up: DVec3::Y });
+    viewer.set_camera(Camera {
+        eye: surface,
+        target: DVec3::ZERO,
+        up: DVec3::Y,
+    });
     network.settle(&mut viewer);
     check(&viewer);
     assert!(viewer.stats().triangles > 0);
@@ -202,7 +236,10 @@ fn camera_inside_the_model_is_drawn_to_the_finest() {
 #[test]
 fn no_transition_changes_at_once() {
     let mut network = Network::new(Shape::Cube, 9);
-    let mut viewer = network.viewer(ViewerOptions { transition: Transition::None, ..ViewerOptions::default() });
+    let mut viewer = network.viewer(ViewerOptions {
+        transition: Transition::None,
+        ..ViewerOptions::default()
+    });
     for _ in 0..200 {
         network.frame(&mut viewer, 0.016);
         assert!(viewer.drawn().morphs.is_empty() && viewer.drawn().cut == viewer.target);
@@ -227,8 +264,14 @@ fn cameras_and_times_that_are_not_finite_are_ignored() {
     let mut network = Network::new(Shape::Cube, 11);
     let mut viewer = network.viewer(ViewerOptions::default());
     let before = viewer.camera();
-    viewer.set_camera(Camera { eye: DVec3::splat(f64::NAN), ..before });
-    viewer.set_camera(Camera { eye: before.target, ..before });
+    viewer.set_camera(Camera {
+        eye: DVec3::splat(f64::NAN),
+        ..before
+    });
+    viewer.set_camera(Camera {
+        eye: before.target,
+        ..before
+    });
     assert_eq!(viewer.camera(), before);
     viewer.update(f64::NAN, VIEWPORT);
     viewer.update(-1.0, Viewport::new(0, 0));
@@ -240,10 +283,22 @@ fn options_outside_their_range_are_refused() {
     let network = Network::new(Shape::Strip, 12);
     let mut viewer = network.viewer(ViewerOptions::default());
     for bad in [
-        ViewerOptions { error_px: 0.0, ..ViewerOptions::default() },
-        ViewerOptions { error_px: f64::NAN, ..ViewerOptions::default() },
-        ViewerOptions { morph_seconds: -1.0, ..ViewerOptions::default() },
-        ViewerOptions { pages_per_update: 0, ..ViewerOptions::default() },
+        ViewerOptions {
+            error_px: 0.0,
+            ..ViewerOptions::default()
+        },
+        ViewerOptions {
+            error_px: f64::NAN,
+            ..ViewerOptions::default()
+        },
+        ViewerOptions {
+            morph_seconds: -1.0,
+            ..ViewerOptions::default()
+        },
+        ViewerOptions {
+            pages_per_update: 0,
+            ..ViewerOptions::default()
+        },
     ] {
         assert!(viewer.set_options(bad).is_err());
     }

@@ -59,7 +59,13 @@ impl HttpSource {
             .build();
         let agent = config.new_agent();
         let part = persist(url, || fetch(&agent, url, 0..FIRST_READ_BYTES, None))?;
-        Ok(Self { agent, url: url.to_owned(), length: part.length, etag: part.etag, front: part.bytes })
+        Ok(Self {
+            agent,
+            url: url.to_owned(),
+            length: part.length,
+            etag: part.etag,
+            front: part.bytes,
+        })
     }
 }
 
@@ -71,7 +77,11 @@ impl ByteSource for HttpSource {
     fn read(&self, range: Range<u64>) -> Result<Vec<u8>, SourceError> {
         let Range { start, end } = range;
         if start > end || end > self.length {
-            return Err(SourceError::OutOfRange { start, end, length: self.length });
+            return Err(SourceError::OutOfRange {
+                start,
+                end,
+                length: self.length,
+            });
         }
         if start == end {
             return Ok(Vec::new());
@@ -80,13 +90,18 @@ impl ByteSource for HttpSource {
         if let Some(front) = ends.and_then(|(start, end)| self.front.get(start..end)) {
             return Ok(front.to_vec());
         }
-        let part = persist(&self.url, || fetch(&self.agent, &self.url, start..end, Some(self)))?;
+        let part = persist(&self.url, || {
+            fetch(&self.agent, &self.url, start..end, Some(self))
+        })?;
         Ok(part.bytes)
     }
 }
 
 /// Tries until it works, fails for good, or has failed too often.
-fn persist(url: &str, mut attempt: impl FnMut() -> Result<Part, Failure>) -> Result<Part, SourceError> {
+fn persist(
+    url: &str,
+    mut attempt: impl FnMut() -> Result<Part, Failure>,
+) -> Result<Part, SourceError> {
     let mut pauses = PAUSES.iter();
     loop {
         let reason = match attempt() {
@@ -105,34 +120,60 @@ fn persist(url: &str, mut attempt: impl FnMut() -> Result<Part, Failure>) -> Res
 }
 
 /// One request. Without `known` the file may be shorter than the range.
-fn fetch(agent: &ureq::Agent, url: &str, range: Range<u64>, known: Option<&HttpSource>) -> Result<Part, Failure> {
+fn fetch(
+    agent: &ureq::Agent,
+    url: &str,
+    range: Range<u64>,
+    known: Option<&HttpSource>,
+) -> Result<Part, Failure> {
     let last = range.end - 1;
     let asked = format!("bytes={}-{last}", range.start);
-    let call = agent.get(url).header(header::RANGE, &asked).header(header::ACCEPT_ENCODING, "identity").call();
+    let call = agent
+        .get(url)
+        .header(header::RANGE, &asked)
+        .header(header::ACCEPT_ENCODING, "identity")
+        .call();
     let mut response = call.map_err(|error| failure_of(&error))?;
     check_status(response.status())?;
-    let (first, got_last, length) = content_range(&response)
-        .ok_or_else(|| Failure::Final("the server's Content-Range is missing or not understood".to_owned()))?;
+    let (first, got_last, length) = content_range(&response).ok_or_else(|| {
+        Failure::Final("the server's Content-Range is missing or not understood".to_owned())
+    })?;
     let etag = text(&response, header::ETAG);
     if let Some(known) = known
         && (length != known.length || etag != known.etag)
     {
-        return Err(Failure::Final("the file changed on the server while it was being read; open it again".to_owned()));
+        return Err(Failure::Final(
+            "the file changed on the server while it was being read; open it again".to_owned(),
+        ));
     }
     if first != range.start || got_last != last.min(length.saturating_sub(1)) {
-        return Err(Failure::Final(format!("asked for {asked}, the server sent bytes {first}-{got_last}")));
+        return Err(Failure::Final(format!(
+            "asked for {asked}, the server sent bytes {first}-{got_last}"
+        )));
     }
     let expected = got_last - first + 1;
-    let body = response.body_mut().with_config().limit(expected.saturating_add(1)).read_to_vec();
+    let body = response
+        .body_mut()
+        .with_config()
+        .limit(expected.saturating_add(1))
+        .read_to_vec();
     let bytes = body.map_err(|error| match failure_of(&error) {
-        Failure::Passing(reason) => Failure::Passing(format!("the answer to {asked} broke off: {reason}")),
+        Failure::Passing(reason) => {
+            Failure::Passing(format!("the answer to {asked} broke off: {reason}"))
+        }
         last => last,
     })?;
     if bytes.len() as u64 != expected {
         let count = bytes.len();
-        return Err(Failure::Passing(format!("the answer to {asked} stopped after {count} of {expected} bytes")));
+        return Err(Failure::Passing(format!(
+            "the answer to {asked} stopped after {count} of {expected} bytes"
+        )));
     }
-    Ok(Part { bytes, length, etag })
+    Ok(Part {
+        bytes,
+        length,
+        etag,
+    })
 }
 
 fn check_status(status: StatusCode) -> Result<(), Failure> {
@@ -152,9 +193,10 @@ fn check_status(status: StatusCode) -> Result<(), Failure> {
 
 fn failure_of(error: &ureq::Error) -> Failure {
     match error {
-        ureq::Error::Io(_) | ureq::Error::Timeout(_) | ureq::Error::ConnectionFailed | ureq::Error::BodyStalled => {
-            Failure::Passing(error.to_string())
-        }
+        ureq::Error::Io(_)
+        | ureq::Error::Timeout(_)
+        | ureq::Error::ConnectionFailed
+        | ureq::Error::BodyStalled => Failure::Passing(error.to_string()),
         _ => Failure::Final(error.to_string()),
     }
 }
@@ -164,12 +206,21 @@ fn content_range<T>(response: &Response<T>) -> Option<(u64, u64, u64)> {
     let value = text(response, header::CONTENT_RANGE)?;
     let (range, length) = value.strip_prefix("bytes ")?.split_once('/')?;
     let (first, last) = range.split_once('-')?;
-    let (first, last, length) = (first.trim().parse().ok()?, last.trim().parse().ok()?, length.trim().parse().ok()?);
+    let (first, last, length) = (
+        first.trim().parse().ok()?,
+        last.trim().parse().ok()?,
+        length.trim().parse().ok()?,
+    );
     (first <= last && last < length).then_some((first, last, length))
 }
 
 fn text<T>(response: &Response<T>, name: header::HeaderName) -> Option<String> {
-    response.headers().get(name)?.to_str().ok().map(str::to_owned)
+    response
+        .headers()
+        .get(name)?
+        .to_str()
+        .ok()
+        .map(str::to_owned)
 }
 
 #[cfg(test)]
@@ -203,7 +254,10 @@ mod tests {
 
     fn front(length: usize) -> Vec<u8> {
         let sent = length.min(65536);
-        let headers = format!("Content-Length: {sent}\r\nContent-Range: bytes 0-{}/{length}\r\nETag: \"a\"\r\n", sent - 1);
+        let headers = format!(
+            "Content-Length: {sent}\r\nContent-Range: bytes 0-{}/{length}\r\nETag: \"a\"\r\n",
+            sent - 1
+        );
         answer("206 Partial Content", &headers, &vec![7; sent])
     }
 
@@ -216,7 +270,10 @@ mod tests {
         let source = HttpSource::open(&server(vec![front(100)])).unwrap();
         assert_eq!(source.length().unwrap(), 100);
         assert_eq!(source.read(90..100).unwrap(), [7; 10]);
-        assert!(matches!(source.read(90..101), Err(SourceError::OutOfRange { length: 100, .. })));
+        assert!(matches!(
+            source.read(90..101),
+            Err(SourceError::OutOfRange { length: 100, .. })
+        ));
         assert!(source.read(5..5).unwrap().is_empty());
     }
 
@@ -226,31 +283,51 @@ mod tests {
         assert!(message(HttpSource::open(&plain)).contains("ignores range requests"));
         let missing = server(vec![answer("404 Not Found", "Content-Length: 0\r\n", b"")]);
         assert!(message(HttpSource::open(&missing)).contains("404"));
-        let empty = server(vec![answer("416 Range Not Satisfiable", "Content-Range: bytes */0\r\n", b"")]);
+        let empty = server(vec![answer(
+            "416 Range Not Satisfiable",
+            "Content-Range: bytes */0\r\n",
+            b"",
+        )]);
         assert!(message(HttpSource::open(&empty)).contains("empty"));
-        let vague = server(vec![answer("206 Partial Content", "Content-Length: 3\r\n", b"abc")]);
+        let vague = server(vec![answer(
+            "206 Partial Content",
+            "Content-Length: 3\r\n",
+            b"abc",
+        )]);
         assert!(message(HttpSource::open(&vague)).contains("Content-Range"));
     }
 
     #[test]
     fn an_answer_that_stops_half_way_is_tried_again_and_then_named() {
         let cut = |etag: &str| {
-            let headers = format!("Content-Length: 4\r\nContent-Range: bytes 70000-70003/80000\r\nETag: {etag}\r\n");
+            let headers = format!(
+                "Content-Length: 4\r\nContent-Range: bytes 70000-70003/80000\r\nETag: {etag}\r\n"
+            );
             answer("206 Partial Content", &headers, b"ab")
         };
-        let headers = "Content-Length: 4\r\nContent-Range: bytes 70000-70003/80000\r\nETag: \"a\"\r\n";
+        let headers =
+            "Content-Length: 4\r\nContent-Range: bytes 70000-70003/80000\r\nETag: \"a\"\r\n";
         let whole = answer("206 Partial Content", headers, b"abcd");
         let source = HttpSource::open(&server(vec![front(80000), cut("\"a\""), whole])).unwrap();
         assert_eq!(source.read(70000..70004).unwrap(), b"abcd");
-        let source =
-            HttpSource::open(&server(vec![front(80000), cut("\"a\""), cut("\"a\""), cut("\"a\"")])).unwrap();
+        let source = HttpSource::open(&server(vec![
+            front(80000),
+            cut("\"a\""),
+            cut("\"a\""),
+            cut("\"a\""),
+        ]))
+        .unwrap();
         let words = message(source.read(70000..70004));
-        assert!(words.contains("bytes=70000-70003") && words.contains("x.marq"), "{words}");
+        assert!(
+            words.contains("bytes=70000-70003") && words.contains("x.marq"),
+            "{words}"
+        );
     }
 
     #[test]
     fn a_file_that_changes_is_not_mixed() {
-        let headers = "Content-Length: 4\r\nContent-Range: bytes 70000-70003/80000\r\nETag: \"b\"\r\n";
+        let headers =
+            "Content-Length: 4\r\nContent-Range: bytes 70000-70003/80000\r\nETag: \"b\"\r\n";
         let other = answer("206 Partial Content", headers, b"abcd");
         let source = HttpSource::open(&server(vec![front(80000), other])).unwrap();
         assert!(message(source.read(70000..70004)).contains("changed"));

@@ -10,10 +10,9 @@ struct Frame {
     back: vec4<f32>,
 }
 
-const SHADE_LIT: u32 = 0u;
+// 0 is lit; 3 is lit, too, with lines over it.
 const SHADE_NORMAL: u32 = 1u;
 const SHADE_LOD: u32 = 2u;
-const SHADE_WIRE: u32 = 3u;
 
 @group(0) @binding(0) var<uniform> frame: Frame;
 

@@ -3,14 +3,14 @@
 //! Convex polygons become fans. Others are projected along the dominant axis of their Newell normal and clipped ear by ear
 //! with exact orientation tests (Meisters, "Polygons have ears", 1975; predicate: Shewchuk 1997).
 //!
-//! Limits: O(n²) a polygon. Self-crossing and strongly warped polygons get some triangulation of the
-//! right number of triangles, not a meaningful one. Holes are not a notion of these formats.
+//! Limits: O(n²) a polygon as a rule; the worst are stopped by a budget. Self-crossing and strongly warped polygons get some
+//! triangulation of the right number of triangles, not a meaningful one. Holes are not a notion of these formats.
 
 use glam::{DVec2, DVec3};
 use robust::{Coord, orient2d};
 
-/// Beyond this many corners ear clipping would take seconds; such a polygon is cut as a fan.
-const MAX_EARS: usize = 20_000;
+/// Corners looked at before the rest of a polygon is cut as a fan: about two seconds.
+const BUDGET: usize = 1 << 28;
 
 /// Appends the triangles of `face` to `out`; false if it has fewer than three distinct corners.
 pub(super) fn triangulate(face: &[u32], positions: &[DVec3], out: &mut Vec<[u32; 3]>) -> bool {
@@ -26,10 +26,14 @@ pub(super) fn triangulate(face: &[u32], positions: &[DVec3], out: &mut Vec<[u32;
     }
     let points: Vec<DVec3> = ring.iter().map(|&v| positions[v as usize]).collect();
     match project(&points) {
-        Some(flat) if ring.len() <= MAX_EARS && !is_convex(&flat) => clip_ears(&ring, &flat, out),
-        _ => out.extend(ring[1..].windows(2).map(|w| [ring[0], w[0], w[1]])),
+        Some(flat) if !is_convex(&flat) => clip_ears(&ring, &flat, out),
+        _ => fan(&ring, out),
     }
     true
+}
+
+fn fan(ring: &[u32], out: &mut Vec<[u32; 3]>) {
+    out.extend(ring[1..].windows(2).map(|w| [ring[0], w[0], w[1]]));
 }
 
 /// The ring in the plane of its two smaller normal axes, counter-clockwise; none for a normal of zero or NaN.
@@ -76,17 +80,21 @@ fn is_convex(ring: &[DVec2]) -> bool {
 fn clip_ears(ring: &[u32], flat: &[DVec2], out: &mut Vec<[u32; 3]>) {
     let mut left: Vec<usize> = (0..ring.len()).collect();
     // Going on from the last ear instead of starting over keeps long outlines from fanning out of one corner.
-    let mut at = 0;
-    while left.len() > 3 {
+    let (mut at, mut spent) = (0, 0);
+    while left.len() > 3 && spent < BUDGET {
         let n = left.len();
-        let ear = (0..n).map(|k| (at + k) % n).find(|&i| is_ear(&left, flat, i));
-        // No strict ear in a self-crossing ring: cut where we are, which ends all the same.
-        let i = ear.unwrap_or(at % n);
+        let ear = (0..n).map(|k| (at + k) % n).find(|&i| {
+            spent += n;
+            is_ear(&left, flat, i)
+        });
+        // A self-crossing ring may have no ear.
+        let Some(i) = ear else { break };
         out.push([ring[left[(i + n - 1) % n]], ring[left[i]], ring[left[(i + 1) % n]]]);
         left.remove(i);
         at = i;
     }
-    out.push([ring[left[0]], ring[left[1]], ring[left[2]]]);
+    let rest: Vec<u32> = left.iter().map(|&i| ring[i]).collect();
+    fan(&rest, out);
 }
 
 fn is_ear(left: &[usize], flat: &[DVec2], i: usize) -> bool {

@@ -80,3 +80,60 @@ fn check_size(samples: &PageSamples, coding: Coding) {
         [colours; 2]
     );
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    /// A stretch of a payload: header bytes, then raw or zero streams of roughly the right lengths.
+    fn payload() -> impl Strategy<Value = Vec<u8>> {
+        let method = || 0..2u8;
+        (
+            method(),
+            method(),
+            method(),
+            0..3u8,
+            0..3u8,
+            0..1200usize,
+            0..400usize,
+            any::<u64>(),
+        )
+            .prop_map(
+                |(positions, normals, colours, planes, prediction, geometry, shading, noise)| {
+                    let mut out = vec![
+                        positions | normals << 2 | colours << 4,
+                        planes | prediction << 2,
+                    ];
+                    let lengths = [
+                        geometry * usize::from(positions),
+                        shading * usize::from(normals),
+                    ];
+                    for length in lengths {
+                        crate::bytes::push_leb128(&mut out, length as u32);
+                    }
+                    let body = lengths[0] + lengths[1];
+                    out.extend((0..body).map(|at| (noise.rotate_left(at as u32) as u8) & 7));
+                    out
+                },
+            )
+    }
+
+    proptest! {
+        #[test]
+        fn any_pages_decode_and_survive_or_fail_cleanly(
+            a: u8, resolutions: u8, base in payload(), root in payload(), child in payload()
+        ) {
+            let [c, d] = (base.len() as u16).to_le_bytes();
+            let [e, f] = (root.len() as u16).to_le_bytes();
+            pages(&[&[a, resolutions, c, d, e, f], &base[..], &root, &child].concat());
+        }
+
+        #[test]
+        fn pages_without_detail_survive(shift in 0..16u8, quadrant in 0..4u8, prediction in 0..3u8, k in 0..5u8) {
+            // All zero: the smallest payloads there are, up to a child of a full page.
+            let zero = [0, prediction << 2, 0, 0];
+            pages(&[&[shift | quadrant << 6, k | 5 << 4, 4, 0, 4, 0], &zero[..], &zero, &zero].concat());
+        }
+    }
+}

@@ -26,7 +26,7 @@ mod bytes_by_part;
 pub mod chart;
 pub mod codec;
 pub mod error;
-#[cfg(feature = "fuzzing")]
+#[cfg(any(test, feature = "fuzzing"))]
 #[doc(hidden)]
 pub mod fuzzing;
 pub mod header;

@@ -7,4 +7,4 @@ mod document;
 mod opening;
 
 pub use document::Document;
-pub use opening::{FIRST_READ_BYTES, Opening, Step};
+pub use opening::{FIRST_IMAGE_BYTES, FIRST_READ_BYTES, Opening, Step};

@@ -14,6 +14,7 @@
 mod input;
 
 pub use crate::BytesByPart;
+pub use crate::reader::FIRST_IMAGE_BYTES;
 
 use crate::chart::encode_charts;
 use crate::codec::page::{Coding, encode_base, encode_child, encode_root};
@@ -26,9 +27,6 @@ use crate::index::quantize::{BoundsCode, cosine_code, error_code, widen_cone};
 use crate::parallel::map_ordered;
 use crate::{Error, Glue, Lattice, Metadata, NormalCone, PageSamples};
 use input::Pages;
-
-/// Bytes that everything up to the base should fit, so that a first image takes few bytes.
-pub const FIRST_IMAGE_BYTES: u64 = 256 * 1024;
 
 /// One node of a chart's tree, as the converter made it.
 #[derive(Debug, Clone)]

@@ -2,8 +2,9 @@
 //!
 //! Interpolation misses the detail that the finer positions show; the positions are too rough once samples
 //! come closer than a few quantization steps, and normals need not be those of the surface at all. The writer
-//! takes what is smallest, page by page: on fractal surfaces with true normals that is 15 to 20 % below
-//! interpolation alone where samples are 16 steps apart, and about equal at 8.
+//! takes what is smallest, page by page. Measured: on fractal surfaces with true normals up to 20 % below
+//! interpolation alone where samples are 16 steps apart, equal at 8 and fewer; on scans resampled to their own
+//! error interpolation wins on 19 pages of 20 (dragon) to all (bunny).
 
 #![allow(
     clippy::arithmetic_side_effects,

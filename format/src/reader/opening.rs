@@ -10,6 +10,8 @@ use std::ops::Range;
 
 /// Bytes of the first read of a file.
 pub const FIRST_READ_BYTES: u64 = 64 * 1024;
+/// Bytes that everything up to the base should fit, so that a first image takes few bytes.
+pub const FIRST_IMAGE_BYTES: u64 = 256 * 1024;
 
 /// Decoded bytes that the base takes a sample, colours included.
 const BASE_SAMPLE_BYTES: u64 = 14;

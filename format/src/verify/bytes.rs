@@ -3,13 +3,12 @@
 use super::in_words;
 use crate::header::{SectionKind, seed};
 use crate::index::block::facts_of;
+use crate::reader::FIRST_IMAGE_BYTES;
 use crate::rules::Tally;
 use crate::{ByteSource, Document, Error};
 use std::ops::Range;
 use xxhash_rust::xxh3::Xxh3;
 
-/// Bytes that everything up to the base should fit.
-const FIRST_IMAGE_BYTES: u64 = 256 * 1024;
 /// Bytes read at a time.
 const CHUNK_BYTES: u64 = 1 << 23;
 

@@ -15,7 +15,7 @@ pub(super) fn bytes(text: &str) -> Result<u64, String> {
         "T" | "TB" | "TIB" => 40,
         _ => return Err(wrong()),
     };
-    let number: u64 = number.trim().parse().map_err(|_| wrong())?;
+    let number: u64 = number.trim().parse().ok().ok_or_else(wrong)?;
     number.checked_mul(1 << shift).ok_or_else(wrong)
 }
 
@@ -39,14 +39,12 @@ pub(super) fn relative(text: &str) -> Result<f64, String> {
 pub(super) fn size(text: &str) -> Result<[u32; 2], String> {
     /// What graphics cards of the last decade can draw into.
     const MAX: u32 = 8192;
-    let side = |text: &str| {
-        text.parse()
-            .ok()
-            .filter(|side| (1..=MAX).contains(side))
-    };
+    let side = |text: &str| text.parse().ok().filter(|side| (1..=MAX).contains(side));
     text.split_once('x')
         .and_then(|(width, height)| Some([side(width)?, side(height)?]))
-        .ok_or_else(|| format!("expected WIDTHxHEIGHT in pixels, such as 1280x720, sides 1 to {MAX}"))
+        .ok_or_else(|| {
+            format!("expected WIDTHxHEIGHT in pixels, such as 1280x720, sides 1 to {MAX}")
+        })
 }
 
 /// Eye and target, as six numbers `eye.x,y,z,target.x,y,z`.
@@ -57,7 +55,9 @@ pub(super) fn camera(text: &str) -> Result<String, String> {
         .collect();
     match numbers.as_deref() {
         Some([a, b, c, d, e, f]) if [a, b, c] != [d, e, f] => Ok(text.to_owned()),
-        _ => Err("expected six numbers, eye and target: x,y,z,x,y,z; not the same point twice".into()),
+        _ => Err(
+            "expected six numbers, eye and target: x,y,z,x,y,z; not the same point twice".into(),
+        ),
     }
 }
 
@@ -100,7 +100,9 @@ mod tests {
     #[test]
     fn sizes_are_two_positive_integers() {
         assert_eq!(size("1280x720"), Ok([1280, 720]));
-        for text in ["", "x", "1280", "0x1", "1x0", "1x1x1", "-1x1", "8193x1", "1 x 1"] {
+        for text in [
+            "", "x", "1280", "0x1", "1x0", "1x1x1", "-1x1", "8193x1", "1 x 1",
+        ] {
             assert!(size(text).is_err(), "{text}");
         }
     }

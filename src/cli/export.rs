@@ -78,7 +78,10 @@ pub(super) fn run(arguments: &Arguments, output: &Output) -> anyhow::Result<Verd
         Some(Format::Ply) => output::write_file(path, |out| ply::write(&surface, out))?,
         Some(Format::Obj) => output::write_file(path, |out| obj::write(&surface, out))?,
         Some(Format::Glb) => output::write_file(path, |out| glb::write(&surface, out))?,
-        None => bail!("{}: its name does not say which format it is", path.display()),
+        None => bail!(
+            "{}: its name does not say which format it is",
+            path.display()
+        ),
     }
     let report = Report {
         path: path.display().to_string(),
@@ -110,7 +113,12 @@ mod tests {
     fn tetrahedron(offset: f64, coloured: bool) -> Surface {
         let at = |x, y, z| DVec3::splat(offset) + DVec3::new(x, y, z);
         Surface {
-            positions: vec![at(0.0, 0.0, 0.0), at(1.0, 0.0, 0.0), at(0.0, 1.0, 0.0), at(0.0, 0.0, 1.0)],
+            positions: vec![
+                at(0.0, 0.0, 0.0),
+                at(1.0, 0.0, 0.0),
+                at(0.0, 1.0, 0.0),
+                at(0.0, 0.0, 1.0),
+            ],
             normals: vec![Vec3::NEG_ONE.normalize_or_zero(), Vec3::X, Vec3::Y, Vec3::Z],
             colours: if coloured {
                 vec![[0, 0, 0], [255, 0, 0], [10, 128, 200], [255, 255, 255]]
@@ -127,7 +135,10 @@ mod tests {
     #[test]
     fn every_format_reads_back_as_it_was() {
         for (name, write) in [
-            ("a.ply", ply::write as fn(&Surface, &mut dyn std::io::Write) -> std::io::Result<()>),
+            (
+                "a.ply",
+                ply::write as fn(&Surface, &mut dyn std::io::Write) -> std::io::Result<()>,
+            ),
             ("a.obj", obj::write),
             ("a.glb", glb::write),
         ] {
@@ -139,7 +150,10 @@ mod tests {
                 assert_eq!(mesh.triangles, surface.triangles, "{name}");
                 assert_eq!(mesh.colours, surface.colours, "{name}");
                 for (read, wrote) in mesh.positions.iter().zip(&surface.positions) {
-                    assert!(read.distance(*wrote) < 1e-6, "{name}: {read} is not {wrote}");
+                    assert!(
+                        read.distance(*wrote) < 1e-6,
+                        "{name}: {read} is not {wrote}"
+                    );
                 }
             }
         }

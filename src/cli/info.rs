@@ -5,6 +5,7 @@ use super::surface::{self, Level};
 use super::{Verdict, open};
 use marquetry_format::{BytesByPart, ContentKind};
 use serde::Serialize;
+use std::fmt::Write as _;
 
 /// Say what is in a file
 #[derive(Debug, clap::Args)]
@@ -48,6 +49,7 @@ struct Bounds {
 }
 
 /// Relative to the diagonal of the bounds.
+#[expect(clippy::struct_field_names, reason = "keys of the report")]
 #[derive(Debug, Serialize)]
 struct ErrorReport {
     target_rel: f64,
@@ -110,7 +112,8 @@ fn describe(file: &str, report: &Report) -> String {
     let size = output::bytes;
     let Version { major, minor } = report.format;
     let (bytes, source, error) = (&report.bytes, &report.source, &report.error);
-    let [min, max] = [report.bounds.min, report.bounds.max].map(|p| p.map(|c| format!("{c}")).join(", "));
+    let [min, max] =
+        [report.bounds.min, report.bounds.max].map(|p| p.map(|c| format!("{c}")).join(", "));
     let kind = match report.kind {
         ContentKind::Scan => "scan",
         ContentKind::Terrain => "terrain",
@@ -147,12 +150,14 @@ fn describe(file: &str, report: &Report) -> String {
         error.target_rel,
     );
     for (number, level) in report.level.iter().enumerate() {
-        text.push_str(&format!(
+        // Writing to a string does not fail.
+        let _ = write!(
+            text,
             "\n{number:>5} {:>11} {:>12} {:>10.2e}",
             level.triangles,
             size(level.bytes),
             level.error_rel
-        ));
+        );
     }
     text
 }

@@ -85,7 +85,13 @@ pub(super) fn run(arguments: &Arguments, output: &Output) -> anyhow::Result<Verd
         )
     })?;
     let diagonal = diagonal(against);
-    let rel = |length: f64| if diagonal > 0.0 { length / diagonal } else { 0.0 };
+    let rel = |length: f64| {
+        if diagonal > 0.0 {
+            length / diagonal
+        } else {
+            0.0
+        }
+    };
     let one_way = |way: OneWay| OneWayRel {
         max_rel: rel(way.max),
         rms_rel: rel(way.rms),

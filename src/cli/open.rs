@@ -12,7 +12,8 @@ pub(super) struct Opened {
 /// Opens `file`, a path or an `http(s)://` URL, and reads its front.
 pub(super) fn open(file: &str) -> anyhow::Result<Opened> {
     let source = source(file)?;
-    let document = Document::open(source.as_ref(), Limits::default()).map_err(|error| explain(file, error))?;
+    let document = Document::open(source.as_ref(), Limits::default())
+        .map_err(|error| explain(file, &error))?;
     Ok(Opened { source, document })
 }
 
@@ -22,7 +23,7 @@ pub(super) fn open_indexed(file: &str) -> anyhow::Result<Opened> {
     opened
         .document
         .load_index(opened.source.as_ref())
-        .map_err(|error| explain(file, error))?;
+        .map_err(|error| explain(file, &error))?;
     Ok(opened)
 }
 
@@ -32,13 +33,15 @@ pub(super) fn source(file: &str) -> anyhow::Result<Box<dyn ByteSource>> {
 }
 
 /// Names the file, and says what can be done.
-pub(super) fn explain(file: &str, error: Error) -> anyhow::Error {
-    let advice = match &error {
+pub(super) fn explain(file: &str, error: &Error) -> anyhow::Error {
+    let advice = match error {
         Error::NotMarq { .. } => "; `marquetry convert` makes one of a scan",
         Error::Truncated { .. }
         | Error::TrailingBytes { .. }
         | Error::Checksum { .. }
-        | Error::Compression { .. } => "; copy or download the file again, or convert its input again",
+        | Error::Compression { .. } => {
+            "; copy or download the file again, or convert its input again"
+        }
         Error::UnsupportedVersion { .. } | Error::UnknownSection { .. } => {
             "; use the version of marquetry that wrote it, or convert its input again"
         }

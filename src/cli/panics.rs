@@ -19,7 +19,9 @@ pub(super) fn caught<T>(work: impl FnOnce() -> T) -> Result<T, String> {
         });
     }));
     // Nothing of what `work` touched is used again after a panic.
-    panic::catch_unwind(AssertUnwindSafe(work)).map_err(|_| {
+    panic::catch_unwind(AssertUnwindSafe(work)).map_err(|payload| {
+        // The hook has had it all; what `panic_any` was given may not even be text.
+        drop(payload);
         let first = FIRST.lock().unwrap_or_else(PoisonError::into_inner).take();
         first.unwrap_or_else(|| "no message".to_owned())
     })

@@ -115,7 +115,11 @@ impl marquetry_converter::pipeline::Progress for Display {
                     lines.said = now;
                     let elapsed = now.duration_since(lines.since).as_secs_f64();
                     let left = elapsed * (1.0 - done) / done;
-                    complain(&format!("{}: {:.0} %, {left:.0} s left", lines.stage, done * 100.0));
+                    complain(&format!(
+                        "{}: {:.0} %, {left:.0} s left",
+                        lines.stage,
+                        done * 100.0
+                    ));
                 }
             }
             Self::Nothing => {}

@@ -98,7 +98,9 @@ impl<T: Copy> Choice<T> {
 fn transition(text: &str) -> Result<Choice<Transition>, EngineError> {
     match Transition::from_str(text) {
         Ok(transition) => Ok(Choice::Available(transition)),
-        Err(error @ EngineError::UnsupportedTransition(_)) => Ok(Choice::Unavailable(error.to_string())),
+        Err(error @ EngineError::UnsupportedTransition(_)) => {
+            Ok(Choice::Unavailable(error.to_string()))
+        }
         Err(error) => Err(error),
     }
 }

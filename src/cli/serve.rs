@@ -23,7 +23,10 @@ pub(super) fn run(
     output: &Output,
 ) -> anyhow::Result<Verdict> {
     if let Some(url) = arguments.paths.iter().find(|path| path.starts_with("s3:")) {
-        bail!("{}: this version serves files and folders only", url.display());
+        bail!(
+            "{}: this version serves files and folders only",
+            url.display()
+        );
     }
     let mut runtime = tokio::runtime::Builder::new_multi_thread();
     if let Some(threads) = common.threads {

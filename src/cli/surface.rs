@@ -83,9 +83,9 @@ pub(super) fn extract(file: &str, opened: &Opened, wanted: Wanted) -> anyhow::Re
             "{file}: the coarsest cut has {} triangles, more than the {most} asked for",
             cut.triangles()
         ),
-        Wanted::Bytes(most) if bytes > most => bail!(
-            "{file}: the coarsest cut takes {bytes} bytes, more than the {most} asked for"
-        ),
+        Wanted::Bytes(most) if bytes > most => {
+            bail!("{file}: the coarsest cut takes {bytes} bytes, more than the {most} asked for")
+        }
         Wanted::ErrorRel(most) if error_rel > most => bail!(
             "{file}: the finest cut has an error of {error_rel:.2e}, more than the {most:.2e} asked \
              for; ask for that, or convert again with a smaller --error-rel"
@@ -167,7 +167,11 @@ fn cut_at_resolution(document: &Document, resolution: u8) -> Option<Cut> {
 fn error_of(document: &Document, cut: &Cut) -> f64 {
     let error = |leaf: Leaf| {
         let entry = document.page(document.page_of_node(leaf.node)?)?;
-        let place = if leaf.node.level == 0 { leaf.resolution } else { 0 };
+        let place = if leaf.node.level == 0 {
+            leaf.resolution
+        } else {
+            0
+        };
         entry.errors.get(usize::from(place)).copied()
     };
     cut.leaves()

@@ -15,7 +15,7 @@ pub(super) fn run(arguments: &Arguments, output: &Output) -> anyhow::Result<Verd
     let source = open::source(&arguments.file)?;
     let report = match verify::verify(source.as_ref()) {
         Ok(report) => report,
-        Err(error) => not_even_opened(open::explain(&arguments.file, error).to_string()),
+        Err(error) => not_even_opened(open::explain(&arguments.file, &error).to_string()),
     };
     for check in &report.checks {
         let verdict = if check.ok { "ok" } else { "FAILED" };

@@ -85,9 +85,10 @@ pub(in crate::cli) fn write(surface: &Surface, out: &mut dyn Write) -> io::Resul
     text.resize(text.len().next_multiple_of(4), b' ');
 
     let word = |length: usize| {
-        u32::try_from(length)
-            .map(u32::to_le_bytes)
-            .map_err(|_| io::Error::other("the mesh is too large for GLB (4 GiB); export a coarser cut or PLY"))
+        let length = u32::try_from(length).ok().map(u32::to_le_bytes);
+        length.ok_or_else(|| {
+            io::Error::other("too large for GLB (4 GiB); export a coarser cut, or PLY")
+        })
     };
     out.write_all(b"glTF\x02\0\0\0")?;
     out.write_all(&word(12 + 8 + text.len() + 8 + layout.length)?)?;

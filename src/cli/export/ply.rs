@@ -8,7 +8,10 @@ use std::io::{self, Write};
 pub(in crate::cli) fn write(surface: &Surface, out: &mut dyn Write) -> io::Result<()> {
     let single = surface.fits_f32(DVec3::ZERO);
     let scalar = if single { "float" } else { "double" };
-    writeln!(out, "ply\nformat binary_little_endian 1.0\ncomment written by marquetry")?;
+    writeln!(
+        out,
+        "ply\nformat binary_little_endian 1.0\ncomment written by marquetry"
+    )?;
     writeln!(out, "element vertex {}", surface.positions.len())?;
     for name in ["x", "y", "z"] {
         writeln!(out, "property {scalar} {name}")?;

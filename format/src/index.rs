@@ -1,8 +1,8 @@
 //! The paged index: one entry a page, in blocks of 1024 entries that are read when needed.
 //!
-//! The [`directory`] says where the blocks are; it is read when the file is opened. A [`block`] stores its
-//! entries plane by plane, packed, with errors, cones and bounds quantized so that they stay bounds
-//! ([`quantize`]).
+//! The directory says where the blocks are; it is read when the file is opened. A block stores its
+//! entries plane by plane, packed, with errors, cones and bounds quantized so that they stay
+//! bounds.
 
 pub(crate) mod block;
 pub(crate) mod directory;

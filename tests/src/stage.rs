@@ -1,13 +1,16 @@
-//! A viewer on a file in memory, driven step by step, and what it should be covering.
+//! A viewer on a file in memory, driven step by step and drawn without a window, and what it should be covering.
+//!
+//! Fetches are answered here and not by the native shell's threads, so that a run is the same every time.
 
 use crate::raster::{self, Picture};
-use anyhow::{Context, Result, ensure};
-use glam::{DMat4, DVec3};
+use anyhow::{Context, Result, bail, ensure};
+use glam::{DMat4, DVec2, DVec3};
 use marquetry_engine::camera::View;
 use marquetry_engine::lod::mesh::extract_mesh_in_motion;
 use marquetry_engine::{Camera, Viewer, ViewerOptions, Viewport};
 use marquetry_evaluation::image::{Image, Mask};
-use marquetry_format::{ByteSource, Document, Limits, PageId, SliceSource};
+use marquetry_format::{ByteSource, PageId, SliceSource};
+use marquetry_native::{Headless, Session};
 use std::sync::Arc;
 
 /// Colour that no grey surface shows: full red and blue, no green.
@@ -22,26 +25,34 @@ const STEP_LIMIT: usize = 3000;
 /// A viewer whose fetches are answered at once, from memory.
 #[derive(Debug)]
 pub struct Stage {
-    /// The viewer.
-    pub viewer: Viewer,
-    /// Its picture's size.
-    pub viewport: Viewport,
-    source: SliceSource<Arc<[u8]>>,
+    session: Session,
+    viewport: Viewport,
+    source: Arc<SliceSource<Arc<[u8]>>>,
 }
 
 impl Stage {
-    /// Shows the file `bytes`.
+    /// Shows the file `bytes`, with an empty cache.
     ///
     /// # Errors
     /// When the file or an option is not valid.
-    pub fn open(bytes: Arc<[u8]>, options: ViewerOptions, viewport: Viewport) -> Result<Self> {
-        let source = SliceSource(bytes);
-        let document = Document::open(&source, Limits::default())?;
+    pub fn open(
+        headless: &Headless,
+        bytes: Arc<[u8]>,
+        options: ViewerOptions,
+        viewport: Viewport,
+    ) -> Result<Self> {
+        let source = Arc::new(SliceSource(bytes));
+        let shared: Arc<dyn ByteSource> = Arc::<SliceSource<Arc<[u8]>>>::clone(&source);
         Ok(Self {
-            viewer: Viewer::new(document, options)?,
+            session: headless.session(&shared, options)?,
             viewport,
             source,
         })
+    }
+
+    /// The viewer.
+    pub fn viewer(&mut self) -> &mut Viewer {
+        self.session.viewer()
     }
 
     /// Lets each page pass with probability `share`, always the same ones for the same `seed`. The viewer never fetches a
@@ -58,8 +69,8 @@ impl Stage {
     /// # Errors
     /// When there is no such view.
     pub fn look_from(&mut self, index: usize, distance: f64) -> Result<()> {
-        let camera = Camera::standard(&self.viewer.document().metadata, index, distance)?;
-        self.viewer.set_camera(camera);
+        let camera = Camera::standard(&self.viewer().document().metadata, index, distance)?;
+        self.viewer().set_camera(camera);
         Ok(())
     }
 
@@ -68,18 +79,19 @@ impl Stage {
     /// # Errors
     /// When the viewer asks for bytes that the file does not have, or complains about those it got.
     pub fn step(&mut self) -> Result<usize> {
-        let requests = self.viewer.update(STEP_SECONDS, self.viewport);
+        let viewport = self.viewport;
+        let requests = self.viewer().update(STEP_SECONDS, viewport);
         let count = requests.len();
         for request in requests {
             let bytes = self
                 .source
                 .read(request.range.clone())
                 .with_context(|| format!("{request:?}"))?;
-            self.viewer.deliver(request.id, Ok(bytes));
+            self.viewer().deliver(request.id, Ok(bytes));
         }
-        let failures = self.viewer.take_failures();
+        let failures = self.viewer().take_failures();
         ensure!(failures.is_empty(), "the viewer complains: {failures:?}");
-        let cache = self.viewer.stats().cache;
+        let cache = self.viewer().stats().cache;
         ensure!(
             cache.used_bytes <= cache.capacity_bytes,
             "{} bytes in a cache of {}",
@@ -96,24 +108,33 @@ impl Stage {
     pub fn settle(&mut self) -> Result<usize> {
         for steps in 1..=STEP_LIMIT {
             self.step()?;
-            if self.viewer.is_settled() {
+            if self.viewer().is_settled() {
                 return Ok(steps);
             }
         }
-        anyhow::bail!(
+        bail!(
             "not settled after {STEP_LIMIT} updates: {:?}",
-            self.viewer.stats()
+            self.viewer().stats()
         )
+    }
+
+    /// Draws what the viewer shows now: RGBA, row by row from the top.
+    ///
+    /// # Errors
+    /// When the device fails.
+    pub fn draw(&mut self) -> Result<Vec<u8>> {
+        self.session.draw(self.viewport)?;
+        Ok(self.session.read_back()?.rgba)
     }
 
     /// The pixels of which the surface that is drawn now covers every one of `samples`, but for a rim of one pixel.
     ///
     /// # Errors
     /// When the surface cannot be put together on the CPU.
-    pub fn inside(&self, samples: &[glam::DVec2]) -> Result<Mask> {
-        let drawn = self.viewer.drawn();
+    pub fn inside(&mut self, samples: &[DVec2]) -> Result<Mask> {
+        let drawn = self.viewer().drawn();
         let mesh = extract_mesh_in_motion(
-            self.viewer.document(),
+            self.viewer().document(),
             &self.source,
             &drawn.cut,
             &drawn.morphs,
@@ -122,18 +143,18 @@ impl Stage {
     }
 
     /// The picture as the CPU sees it, for positions in lattice coordinates.
-    pub fn picture<'a>(&self, samples: &'a [glam::DVec2]) -> Picture<'a> {
+    pub fn picture<'a>(&mut self, samples: &'a [DVec2]) -> Picture<'a> {
         let view = View::new(
-            &self.viewer.camera(),
-            &self.viewer.document().metadata,
+            &self.viewer().camera(),
+            &self.viewer().document().metadata,
             self.viewport,
         );
         let eye =
             DVec3::from_array(view.eye.whole.map(f64::from)) + DVec3::from_array(view.eye.fraction);
         Picture {
             clip_from_position: view.clip_from_offset * DMat4::from_translation(-eye),
-            width: self.viewport.width as usize,
-            height: self.viewport.height as usize,
+            width: viewport.width as usize,
+            height: viewport.height as usize,
             samples,
         }
     }

@@ -2,7 +2,7 @@
 
 use marquetry_engine::{Background, ViewerOptions, Viewport};
 use marquetry_evaluation::image::Image;
-use marquetry_tests::headless::Headless;
+use marquetry_native::Headless;
 use marquetry_tests::raster::FOUR_SAMPLES;
 use marquetry_tests::stage::{MAGENTA, Stage, holes};
 use marquetry_tests::{arguments, convert, data, marquetry, meshes, ply};
@@ -19,8 +19,8 @@ fn assert_a_tenth_is_enough(marq: &Path) {
         background: Background(MAGENTA),
         ..ViewerOptions::default()
     };
-    let mut stage = Stage::open(bytes, options, viewport).unwrap();
-    let mut headless = Headless::new(viewport).unwrap();
+    let headless = Headless::new().unwrap();
+    let mut stage = Stage::open(&headless, bytes, options, viewport).unwrap();
     let mut beyond_base = 0;
     // All around, then closer and closer: every view asks for other pages than the one before.
     let views = (0..26)
@@ -37,7 +37,7 @@ fn assert_a_tenth_is_enough(marq: &Path) {
                     stage.step().unwrap();
                 }
             }
-            let rgba = headless.draw(&mut stage.viewer).unwrap();
+            let rgba = stage.draw().unwrap();
             let image = Image::new(640, 480, &rgba).unwrap();
             let found = holes(image, &stage.inside(&FOUR_SAMPLES).unwrap());
             assert!(
@@ -46,7 +46,7 @@ fn assert_a_tenth_is_enough(marq: &Path) {
                 found.len()
             );
         }
-        let settled = stage.viewer.stats();
+        let settled = stage.viewer().stats();
         beyond_base += usize::from(settled.cache.used_bytes > 0);
         // A view that is settled stays so: nothing is fetched over and over.
         for _ in 0..40 {
@@ -57,7 +57,7 @@ fn assert_a_tenth_is_enough(marq: &Path) {
             );
         }
         assert_eq!(
-            stage.viewer.stats().cache.evictions,
+            stage.viewer().stats().cache.evictions,
             settled.cache.evictions
         );
     }
@@ -66,7 +66,7 @@ fn assert_a_tenth_is_enough(marq: &Path) {
         "a budget of {budget} bytes held no page at all"
     );
     assert!(
-        stage.viewer.stats().cache.evictions > 0,
+        stage.viewer().stats().cache.evictions > 0,
         "the budget was never felt"
     );
 }

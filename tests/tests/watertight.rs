@@ -7,7 +7,7 @@
 use marquetry_engine::camera::STANDARD_VIEWS;
 use marquetry_engine::{Background, ViewerOptions, Viewport};
 use marquetry_evaluation::image::Image;
-use marquetry_tests::headless::Headless;
+use marquetry_native::Headless;
 use marquetry_tests::raster::{FOUR_SAMPLES, coverage};
 use marquetry_tests::stage::{MAGENTA, Stage, holes, unit};
 use marquetry_tests::{arguments, convert, data, marquetry, meshes, ply};
@@ -35,12 +35,13 @@ fn options(error_px: f64) -> ViewerOptions {
 /// Draws all 780 pictures of a file and asserts that none has a hole.
 fn assert_no_holes(name: &str, marq: &Path) {
     let bytes: Arc<[u8]> = std::fs::read(marq).unwrap().into();
-    let mut headless = Headless::new(viewport()).unwrap();
+    let headless = Headless::new().unwrap();
     let mut pictures = 0;
     let mut in_motion = 0;
     let mut finer_than_base = 0;
     for (state, share) in SHARES.into_iter().enumerate() {
-        let mut stage = Stage::open(Arc::clone(&bytes), options(1.0), viewport()).unwrap();
+        let mut stage =
+            Stage::open(&headless, Arc::clone(&bytes), options(1.0), viewport()).unwrap();
         stage.let_through(share, state as u64);
         // In an order of its own, so that each view is reached from others in each state.
         let mut views: Vec<(usize, f64)> = (0..STANDARD_VIEWS)
@@ -61,7 +62,7 @@ fn assert_no_holes(name: &str, marq: &Path) {
             } else {
                 stage.settle().unwrap();
             }
-            let rgba = headless.draw(&mut stage.viewer).unwrap();
+            let rgba = stage.draw().unwrap();
             let image = Image::new(320, 240, &rgba).unwrap();
             let inside = stage.inside(&FOUR_SAMPLES).unwrap();
             assert!(
@@ -75,11 +76,11 @@ fn assert_no_holes(name: &str, marq: &Path) {
                  first {:?}; {:?}",
                 found.len(),
                 found[0],
-                stage.viewer.stats()
+                stage.viewer().stats()
             );
             pictures += 1;
-            in_motion += usize::from(!stage.viewer.drawn().morphs.is_empty());
-            finer_than_base += usize::from(stage.viewer.stats().pages.fetched > 0);
+            in_motion += usize::from(!stage.viewer().drawn().morphs.is_empty());
+            finer_than_base += usize::from(stage.viewer().stats().pages.fetched > 0);
         }
     }
     eprintln!(
@@ -107,9 +108,9 @@ fn assert_finest_covers_export(name: &str, marq: &Path) {
     let exported = ply::read(&out).unwrap();
 
     let bytes: Arc<[u8]> = std::fs::read(marq).unwrap().into();
-    let mut headless = Headless::new(viewport()).unwrap();
-    let mut stage = Stage::open(bytes, options(0.01), viewport()).unwrap();
-    let lattice = stage.viewer.document().metadata.lattice;
+    let headless = Headless::new().unwrap();
+    let mut stage = Stage::open(&headless, bytes, options(0.01), viewport()).unwrap();
+    let lattice = stage.viewer().document().metadata.lattice;
     let positions: Vec<_> = exported
         .positions
         .iter()
@@ -118,7 +119,7 @@ fn assert_finest_covers_export(name: &str, marq: &Path) {
     for (view, distance) in (0..STANDARD_VIEWS).zip(DISTANCES.into_iter().cycle()) {
         stage.look_from(view, distance).unwrap();
         stage.settle().unwrap();
-        let rgba = headless.draw(&mut stage.viewer).unwrap();
+        let rgba = stage.draw().unwrap();
         let image = Image::new(320, 240, &rgba).unwrap();
         let inside = coverage(
             &positions,

@@ -103,19 +103,25 @@ pub enum Fault {
     #[error("the file is empty; export or download it again")]
     Empty,
     /// No known mesh format.
-    #[error("not a mesh in a known format ({found}); give a PLY, OBJ, STL, OFF, GLB or glTF file, or one of them gzipped")]
+    #[error(
+        "not a mesh in a known format ({found}); give a PLY, OBJ, STL, OFF, GLB or glTF file, or one of them gzipped"
+    )]
     UnknownFormat {
         /// What the file looks like.
         found: String,
     },
     /// The gzip stream is damaged.
-    #[error("the gzip data are damaged or cut short ({cause}); download or compress the file again")]
+    #[error(
+        "the gzip data are damaged or cut short ({cause}); download or compress the file again"
+    )]
     Gzip {
         /// What the decompressor said.
         cause: String,
     },
     /// Decompression gave more than any mesh file would.
-    #[error("decompressing gives more than {limit} bytes, far more than its size suggests; decompress it first if it is genuine")]
+    #[error(
+        "decompressing gives more than {limit} bytes, far more than its size suggests; decompress it first if it is genuine"
+    )]
     GzipBomb {
         /// The limit in bytes.
         limit: u64,
@@ -141,7 +147,9 @@ pub enum Fault {
         missing: String,
     },
     /// A face refers to a vertex that does not exist.
-    #[error("a face refers to vertex {index}, but there are {vertices} vertices (counted from 0); export the file again")]
+    #[error(
+        "a face refers to vertex {index}, but there are {vertices} vertices (counted from 0); export the file again"
+    )]
     IndexOutOfRange {
         /// The index, counted from 0.
         index: i64,
@@ -149,7 +157,9 @@ pub enum Fault {
         vertices: u64,
     },
     /// The file is valid and holds no triangle.
-    #[error("there are no triangles ({vertices} vertices, {faces} faces); point clouds and lines cannot be converted")]
+    #[error(
+        "there are no triangles ({vertices} vertices, {faces} faces); point clouds and lines cannot be converted"
+    )]
     NoTriangles {
         /// Vertices stored.
         vertices: u64,
@@ -157,7 +167,9 @@ pub enum Fault {
         faces: u64,
     },
     /// No vertex has finite coordinates.
-    #[error("none of the {vertices} vertices has finite coordinates; check the number format of the export")]
+    #[error(
+        "none of the {vertices} vertices has finite coordinates; check the number format of the export"
+    )]
     NothingFinite {
         /// Vertices stored.
         vertices: u64,
@@ -181,7 +193,9 @@ pub enum Fault {
         advice: &'static str,
     },
     /// A file that this one refers to could not be used.
-    #[error("it refers to `{uri}`, which cannot be used: {cause}; keep the two files together, or export as GLB")]
+    #[error(
+        "it refers to `{uri}`, which cannot be used: {cause}; keep the two files together, or export as GLB"
+    )]
     Reference {
         /// The reference as written.
         uri: String,
@@ -203,10 +217,20 @@ impl ParseError {
     }
 
     pub(crate) fn syntax(place: Place, cause: impl Into<String>) -> Self {
-        Self::at(place, Fault::Syntax { cause: cause.into() })
+        Self::at(
+            place,
+            Fault::Syntax {
+                cause: cause.into(),
+            },
+        )
     }
 
     pub(crate) fn truncated(place: Place, missing: impl Into<String>) -> Self {
-        Self::at(place, Fault::Truncated { missing: missing.into() })
+        Self::at(
+            place,
+            Fault::Truncated {
+                missing: missing.into(),
+            },
+        )
     }
 }

@@ -62,8 +62,10 @@ struct Soup {
 /// # Errors
 /// [`ImportError::Read`] if the file cannot be read, [`ImportError::Content`] if it is not a mesh, damaged, or without triangles.
 pub fn import(path: &Path) -> Result<(ImportedMesh, ImportReport), ImportError> {
-    let bytes = std::fs::read(path)
-        .map_err(|source| ImportError::Read { path: path.to_path_buf(), source })?;
+    let bytes = std::fs::read(path).map_err(|source| ImportError::Read {
+        path: path.to_path_buf(),
+        source,
+    })?;
     import_bytes(bytes, path)
 }
 
@@ -71,7 +73,10 @@ pub fn import(path: &Path) -> Result<(ImportedMesh, ImportReport), ImportError> 
 ///
 /// # Errors
 /// [`ImportError::Content`] as for [`import`].
-pub fn import_bytes(bytes: Vec<u8>, path: &Path) -> Result<(ImportedMesh, ImportReport), ImportError> {
+pub fn import_bytes(
+    bytes: Vec<u8>,
+    path: &Path,
+) -> Result<(ImportedMesh, ImportReport), ImportError> {
     parse(bytes, path).map_err(|ParseError { place, fault }| ImportError::Content {
         path: path.to_path_buf(),
         place,
@@ -85,15 +90,24 @@ fn parse(mut bytes: Vec<u8>, path: &Path) -> Result<(ImportedMesh, ImportReport)
     let mut name = path.to_path_buf();
     if gzipped {
         bytes = gunzip(&bytes)?;
-        if name.extension().is_some_and(|e| e.eq_ignore_ascii_case("gz")) {
+        if name
+            .extension()
+            .is_some_and(|e| e.eq_ignore_ascii_case("gz"))
+        {
             name.set_extension("");
         }
     }
     if bytes.is_empty() {
         return Err(ParseError::at(Place::File, Fault::Empty));
     }
-    let format = detect::detect(&bytes, &name)
-        .ok_or_else(|| ParseError::at(Place::File, Fault::UnknownFormat { found: detect::describe(&bytes) }))?;
+    let format = detect::detect(&bytes, &name).ok_or_else(|| {
+        ParseError::at(
+            Place::File,
+            Fault::UnknownFormat {
+                found: detect::describe(&bytes),
+            },
+        )
+    })?;
     let soup = match format {
         Format::Ply => ply::parse(&bytes)?,
         Format::Obj => obj::parse(&bytes)?,
@@ -118,28 +132,58 @@ fn gunzip(bytes: &[u8]) -> Result<Vec<u8>, ParseError> {
     flate2::read::MultiGzDecoder::new(bytes)
         .take(limit + 1)
         .read_to_end(&mut out)
-        .map_err(|e| ParseError::at(Place::File, Fault::Gzip { cause: e.to_string() }))?;
+        .map_err(|e| {
+            ParseError::at(
+                Place::File,
+                Fault::Gzip {
+                    cause: e.to_string(),
+                },
+            )
+        })?;
     if out.len() as u64 > limit {
         return Err(ParseError::at(Place::File, Fault::GzipBomb { limit }));
     }
     Ok(out)
 }
 
-fn finish(soup: Soup, format: Format, gzipped: bool, stored: u64) -> Result<(ImportedMesh, ImportReport), ParseError> {
-    let Soup { positions, mut colours, faces, referenced_bytes } = soup;
+fn finish(
+    soup: Soup,
+    format: Format,
+    gzipped: bool,
+    stored: u64,
+) -> Result<(ImportedMesh, ImportReport), ParseError> {
+    let Soup {
+        positions,
+        mut colours,
+        faces,
+        referenced_bytes,
+    } = soup;
     let vertices = positions.len() as u64;
     if u32::try_from(positions.len()).is_err() {
-        let fault = Fault::TooMany { what: "vertices", count: vertices, limit: u64::from(u32::MAX) };
+        let fault = Fault::TooMany {
+            what: "vertices",
+            count: vertices,
+            limit: u64::from(u32::MAX),
+        };
         return Err(ParseError::at(Place::File, fault));
     }
     let stored_faces = faces.len();
     let (triangles, faces_without_area) = faces.triangulate(&positions)?;
     if triangles.is_empty() {
-        return Err(ParseError::at(Place::File, Fault::NoTriangles { vertices, faces: stored_faces }));
+        return Err(ParseError::at(
+            Place::File,
+            Fault::NoTriangles {
+                vertices,
+                faces: stored_faces,
+            },
+        ));
     }
     let non_finite_vertices = positions.iter().filter(|p| !p.is_finite()).count() as u64;
     if non_finite_vertices == vertices {
-        return Err(ParseError::at(Place::File, Fault::NothingFinite { vertices }));
+        return Err(ParseError::at(
+            Place::File,
+            Fault::NothingFinite { vertices },
+        ));
     }
     if !colours.is_empty() {
         colours.resize(positions.len(), [255; 3]);
@@ -153,16 +197,30 @@ fn finish(soup: Soup, format: Format, gzipped: bool, stored: u64) -> Result<(Imp
         faces_without_area,
         non_finite_vertices,
     };
-    Ok((ImportedMesh { positions, colours, triangles }, report))
+    Ok((
+        ImportedMesh {
+            positions,
+            colours,
+            triangles,
+        },
+        report,
+    ))
 }
 
 /// `index` as the id of a vertex.
 fn vertex_id(index: usize, place: Place) -> Result<u32, ParseError> {
     // Three below the limit, so that a triangle's corners can be counted up without overflow.
-    u32::try_from(index).ok().filter(|&i| i < u32::MAX - 3).ok_or_else(|| {
-        let fault = Fault::TooMany { what: "vertices", count: index as u64, limit: u64::from(u32::MAX - 3) };
-        ParseError::at(place, fault)
-    })
+    u32::try_from(index)
+        .ok()
+        .filter(|&i| i < u32::MAX - 3)
+        .ok_or_else(|| {
+            let fault = Fault::TooMany {
+                what: "vertices",
+                count: index as u64,
+                limit: u64::from(u32::MAX - 3),
+            };
+            ParseError::at(place, fault)
+        })
 }
 
 #[cfg(test)]

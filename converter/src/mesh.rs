@@ -69,7 +69,10 @@ pub struct ManifoldMesh {
 /// The file's name is missing in both: add it with [`ImportError::in_file`].
 pub fn prepare(mesh: ImportedMesh) -> Result<(ManifoldMesh, Account), ImportError> {
     if mesh.triangles.len() > MAX_TRIANGLES {
-        return Err(ImportError::TooLarge { path: None, triangles: mesh.triangles.len() });
+        return Err(ImportError::TooLarge {
+            path: None,
+            triangles: mesh.triangles.len(),
+        });
     }
     let mut account = Account::new(&mesh);
     let mut welded = weld::exact(&mesh, &mut account);

@@ -24,12 +24,28 @@ fn check(rows: &[Row]) {
     for &(name, triangles, vertices, components, loops, non_manifold) in rows {
         let path = root.join(name);
         let (mesh, report) = import(&path).unwrap_or_else(|e| panic!("{e}"));
-        assert_eq!((report.triangles, report.vertices), (triangles, vertices), "{name}");
-        assert_eq!(report.bytes, path.metadata().map_or(0, |m| m.len()), "{name}");
+        assert_eq!(
+            (report.triangles, report.vertices),
+            (triangles, vertices),
+            "{name}"
+        );
+        assert_eq!(
+            report.bytes,
+            path.metadata().map_or(0, |m| m.len()),
+            "{name}"
+        );
         let (manifold, account) = prepare(mesh).unwrap_or_else(|e| panic!("{e}"));
         let t = account.topology;
-        assert_eq!((t.components, t.boundary_loops, t.non_manifold_edges), (components, loops, non_manifold), "{name}");
-        assert_eq!((manifold.check(), account.check()), (Ok(()), Ok(())), "{name}");
+        assert_eq!(
+            (t.components, t.boundary_loops, t.non_manifold_edges),
+            (components, loops, non_manifold),
+            "{name}"
+        );
+        assert_eq!(
+            (manifold.check(), account.check()),
+            (Ok(()), Ok(())),
+            "{name}"
+        );
         assert_eq!(account.weld_tolerance, None, "{name}");
     }
 }
@@ -43,7 +59,14 @@ fn difficult_files_become_manifolds() {
         ("difficult/cgal_blobby-shuffled.off", 4050, 2027, 1, 0, 0),
         ("difficult/cgal_cheese.off", 17786, 8629, 1, 0, 0),
         ("difficult/cgal_diplodocus.off.gz", 47960, 23982, 1, 0, 2),
-        ("difficult/cgal_elephant-with-holes.off", 4463, 2798, 1, 106, 0),
+        (
+            "difficult/cgal_elephant-with-holes.off",
+            4463,
+            2798,
+            1,
+            106,
+            0,
+        ),
         ("difficult/cgal_mech-holes-shark.off", 10192, 5246, 1, 4, 0),
         ("difficult/cgal_pig.stl.gz", 16848, 50544, 1, 5, 0),
         ("difficult/cgal_turbine.off", 18460, 9210, 1, 0, 0),
@@ -67,9 +90,30 @@ fn scans_and_buildings_become_manifolds() {
         ("bun_zipper.ply", 69451, 35947, 1, 5, 0),
         ("armadillo_86k.obj.gz", 86482, 43243, 1, 0, 0),
         ("dragon_vrip.ply", 871_414, 437_645, 1, 0, 0),
-        ("komaba_textured_600k.glb", 588_061, 541_759, 363, 1080, 48076),
-        ("bim/schependomlaan_subcontractors.glb", 348_925, 231_354, 7229, 35, 15861),
-        ("bim/openfoam_motorBike.obj.gz", 331_653, 132_871, 4, 2, 100_089),
+        (
+            "komaba_textured_600k.glb",
+            588_061,
+            541_759,
+            363,
+            1080,
+            48076,
+        ),
+        (
+            "bim/schependomlaan_subcontractors.glb",
+            348_925,
+            231_354,
+            7229,
+            35,
+            15861,
+        ),
+        (
+            "bim/openfoam_motorBike.obj.gz",
+            331_653,
+            132_871,
+            4,
+            2,
+            100_089,
+        ),
     ]);
 }
 
@@ -93,6 +137,9 @@ fn files_without_geometry_are_refused() {
         let error = import(&root.join(name)).map(|_| ()).expect_err(name);
         assert!(matches!(error, ImportError::Content { .. }));
         let message = error.to_string();
-        assert!(message.contains(name) && message.contains("no triangles"), "{message}");
+        assert!(
+            message.contains(name) && message.contains("no triangles"),
+            "{message}"
+        );
     }
 }

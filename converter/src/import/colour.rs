@@ -2,14 +2,22 @@
 
 /// A channel in 0..=1 to a byte, nearest; out of range and NaN are clamped.
 pub(super) fn byte_from_unit(value: f64) -> u8 {
-    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped to 0..=255 first; NaN gives 0")]
+    #[expect(
+        clippy::cast_possible_truncation,
+        clippy::cast_sign_loss,
+        reason = "clamped to 0..=255 first; NaN gives 0"
+    )]
     let byte = (value.clamp(0.0, 1.0) * 255.0 + 0.5) as u8;
     byte
 }
 
 /// Three channels that may be in 0..=1 or in 0..=255, as text files write them without saying which.
 pub(super) fn bytes_from_either(rgb: [f64; 3]) -> [u8; 3] {
-    let scale = if rgb.iter().any(|&c| c > 1.0) { 255.0 } else { 1.0 };
+    let scale = if rgb.iter().any(|&c| c > 1.0) {
+        255.0
+    } else {
+        1.0
+    };
     rgb.map(|c| byte_from_unit(c / scale))
 }
 
@@ -61,7 +69,11 @@ mod tests {
         let table = LinearToSrgb::new();
         for byte in 0..=255_u8 {
             let s = f64::from(byte) / 255.0;
-            let linear = if s <= 0.04045 { s / 12.92 } else { ((s + 0.055) / 1.055).powf(2.4) };
+            let linear = if s <= 0.04045 {
+                s / 12.92
+            } else {
+                ((s + 0.055) / 1.055).powf(2.4)
+            };
             assert_eq!(table.byte(linear), byte);
         }
         assert_eq!(table.byte(f64::NAN), 0);
@@ -73,6 +85,9 @@ mod tests {
     fn channels_are_scaled_by_their_range() {
         assert_eq!(bytes_from_either([1.0, 0.0, 0.5]), [255, 0, 128]);
         assert_eq!(bytes_from_either([255.0, 0.0, 128.0]), [255, 0, 128]);
-        assert_eq!(bytes_from_either([f64::NAN, -3.0, f64::INFINITY]), [0, 0, 255]);
+        assert_eq!(
+            bytes_from_either([f64::NAN, -3.0, f64::INFINITY]),
+            [0, 0, 255]
+        );
     }
 }

@@ -38,7 +38,7 @@ impl fmt::Display for Format {
 /// Content decides; the extension only where the content has no signature.
 pub(super) fn detect(bytes: &[u8], path: &Path) -> Option<Format> {
     let text = without_bom(bytes).trim_ascii_start();
-    if bytes.starts_with(b"ply") && bytes.get(3).is_some_and(|b| b.is_ascii_whitespace()) {
+    if bytes.starts_with(b"ply") && bytes.get(3).is_some_and(u8::is_ascii_whitespace) {
         return Some(Format::Ply);
     }
     if bytes.starts_with(b"glTF") {
@@ -51,13 +51,18 @@ pub(super) fn detect(bytes: &[u8], path: &Path) -> Option<Format> {
     if head.starts_with(b"{") && contains(head, b"\"asset\"") {
         return Some(Format::Gltf);
     }
-    if head.get(..5).is_some_and(|h| h.eq_ignore_ascii_case(b"solid")) {
+    if head
+        .get(..5)
+        .is_some_and(|h| h.eq_ignore_ascii_case(b"solid"))
+    {
         return Some(Format::Stl);
     }
     if off::has_keyword(bytes) {
         return Some(Format::Off);
     }
-    let extension = path.extension().map(|e| e.to_string_lossy().to_ascii_lowercase());
+    let extension = path
+        .extension()
+        .map(|e| e.to_string_lossy().to_ascii_lowercase());
     match extension.as_deref() {
         Some("ply") => Some(Format::Ply),
         Some("obj") => Some(Format::Obj),
@@ -88,7 +93,10 @@ pub(super) fn describe(bytes: &[u8]) -> String {
     ];
     match known.iter().find(|(magic, _)| bytes.starts_with(magic)) {
         Some((_, name)) => format!("it looks like {name}"),
-        None => format!("it begins with \"{}\"", bytes[..bytes.len().min(16)].escape_ascii()),
+        None => format!(
+            "it begins with \"{}\"",
+            bytes[..bytes.len().min(16)].escape_ascii()
+        ),
     }
 }
 
@@ -98,8 +106,9 @@ fn contains(text: &[u8], needle: &[u8]) -> bool {
 
 /// The first line that is neither empty nor a comment starts with an OBJ statement.
 fn looks_like_obj(head: &[u8]) -> bool {
-    const STATEMENTS: [&[u8]; 9] =
-        [b"v", b"vn", b"vt", b"f", b"o", b"g", b"s", b"mtllib", b"usemtl"];
+    const STATEMENTS: [&[u8]; 9] = [
+        b"v", b"vn", b"vt", b"f", b"o", b"g", b"s", b"mtllib", b"usemtl",
+    ];
     head.split(|&b| b == b'\n')
         .map(<[u8]>::trim_ascii)
         .find(|line| !line.is_empty() && !line.starts_with(b"#"))

@@ -40,7 +40,8 @@ impl Faces {
             return;
         }
         self.corners.extend_from_slice(face);
-        self.polygons.push((self.triangles.len(), self.corners.len()));
+        self.polygons
+            .push((self.triangles.len(), self.corners.len()));
     }
 
     /// Adds a strip: triangle i is (i, i+1, i+2), every second one turned round. Triangles with a repeated index
@@ -48,7 +49,11 @@ impl Faces {
     pub(super) fn push_strip(&mut self, strip: &[u32], place: Place) {
         for (i, w) in strip.windows(3).enumerate() {
             if w[0] != w[1] && w[1] != w[2] && w[2] != w[0] {
-                let triangle = if i % 2 == 0 { [w[0], w[1], w[2]] } else { [w[1], w[0], w[2]] };
+                let triangle = if i % 2 == 0 {
+                    [w[0], w[1], w[2]]
+                } else {
+                    [w[1], w[0], w[2]]
+                };
                 self.push_triangle(triangle, place);
             }
         }
@@ -68,11 +73,17 @@ impl Faces {
     }
 
     /// All faces as triangles, in order, and how many faces had fewer than three distinct corners.
-    pub(super) fn triangulate(self, positions: &[DVec3]) -> Result<(Vec<[u32; 3]>, u64), ParseError> {
+    pub(super) fn triangulate(
+        self,
+        positions: &[DVec3],
+    ) -> Result<(Vec<[u32; 3]>, u64), ParseError> {
         if let Some((index, place)) = self.greatest
             && index as usize >= positions.len()
         {
-            let fault = Fault::IndexOutOfRange { index: i64::from(index), vertices: positions.len() as u64 };
+            let fault = Fault::IndexOutOfRange {
+                index: i64::from(index),
+                vertices: positions.len() as u64,
+            };
             return Err(ParseError::at(place, fault));
         }
         let mut without_area = self.short;
@@ -84,14 +95,21 @@ impl Faces {
             let (mut done, mut start) = (0, 0);
             for (before, end) in self.polygons {
                 out.extend_from_slice(&self.triangles[done..before]);
-                without_area += u64::from(!polygon::triangulate(&self.corners[start..end], positions, &mut out));
+                without_area += u64::from(!polygon::triangulate(
+                    &self.corners[start..end],
+                    positions,
+                    &mut out,
+                ));
                 (done, start) = (before, end);
             }
             out.extend_from_slice(&self.triangles[done..]);
         }
         if out.len() > MAX_TRIANGLES {
-            let fault =
-                Fault::TooMany { what: "triangles", count: out.len() as u64, limit: MAX_TRIANGLES as u64 };
+            let fault = Fault::TooMany {
+                what: "triangles",
+                count: out.len() as u64,
+                limit: MAX_TRIANGLES as u64,
+            };
             return Err(ParseError::at(Place::File, fault));
         }
         Ok((out, without_area))

@@ -48,7 +48,11 @@ fn read(root: Root, binary: Option<&[u8]>, path: &Path) -> Result<Soup, ParseErr
     check_extensions(&root)?;
     let (buffers, referenced_bytes) = container::load_buffers(&root, binary, path)?;
     let total_bytes = buffers.iter().map(|b| b.len() as u64).sum();
-    let document = Document { root, buffers, total_bytes };
+    let document = Document {
+        root,
+        buffers,
+        total_bytes,
+    };
     let mut soup = scene::read(&document)?;
     soup.referenced_bytes = referenced_bytes;
     Ok(soup)
@@ -56,14 +60,28 @@ fn read(root: Root, binary: Option<&[u8]>, path: &Path) -> Result<Soup, ParseErr
 
 /// Extensions that change only how a surface looks may be ignored; of the others, those below are known.
 fn check_extensions(root: &Root) -> Result<(), ParseError> {
-    const APPEARANCE: [&str; 6] =
-        ["KHR_materials_", "KHR_texture_", "EXT_texture_", "MSFT_texture_", "KHR_lights_", "KHR_xmp"];
+    const APPEARANCE: [&str; 6] = [
+        "KHR_materials_",
+        "KHR_texture_",
+        "EXT_texture_",
+        "MSFT_texture_",
+        "KHR_lights_",
+        "KHR_xmp",
+    ];
     let known = |name: &str| {
         name == "KHR_mesh_quantization" || APPEARANCE.iter().any(|prefix| name.starts_with(prefix))
     };
     // An instanced mesh would be drawn once instead of many times, even where the extension is optional.
-    let instanced = root.extensions_used.iter().find(|n| *n == "EXT_mesh_gpu_instancing");
-    let Some(name) = root.extensions_required.iter().find(|n| !known(n)).or(instanced) else {
+    let instanced = root
+        .extensions_used
+        .iter()
+        .find(|n| *n == "EXT_mesh_gpu_instancing");
+    let Some(name) = root
+        .extensions_required
+        .iter()
+        .find(|n| !known(n))
+        .or(instanced)
+    else {
         return Ok(());
     };
     let (what, advice) = match name.as_str() {
@@ -77,7 +95,10 @@ fn check_extensions(root: &Root) -> Result<(), ParseError> {
         ),
         _ => (format!("the glTF extension {name}"), "export without it"),
     };
-    Err(ParseError::at(Place::File, Fault::Unsupported { what, advice }))
+    Err(ParseError::at(
+        Place::File,
+        Fault::Unsupported { what, advice },
+    ))
 }
 
 /// A fault in what the JSON says, with no better place than its name.

@@ -55,13 +55,18 @@ fn parse_vertex<'a>(
         n += 1;
     }
     if n < 3 {
-        return Err(ParseError::syntax(place, format!("a vertex has {n} of 3 coordinates")));
+        return Err(ParseError::syntax(
+            place,
+            format!("a vertex has {n} of 3 coordinates"),
+        ));
     }
-    soup.positions.push(DVec3::new(values[0], values[1], values[2]));
+    soup.positions
+        .push(DVec3::new(values[0], values[1], values[2]));
     // Four values are a weight for curves; six or seven are a colour, the seventh its opacity.
     if n >= 6 {
         soup.colours.resize(soup.positions.len() - 1, [255; 3]);
-        soup.colours.push(colour::bytes_from_either([values[3], values[4], values[5]]));
+        soup.colours
+            .push(colour::bytes_from_either([values[3], values[4], values[5]]));
     }
     Ok(())
 }
@@ -72,14 +77,25 @@ fn parse_corner(word: &[u8], place: Place, vertices: usize) -> Result<u32, Parse
     let first = word.split(|&b| b == b'/').next().unwrap_or_default();
     let index = integer(first, place, "index of a vertex")?;
     let from_zero = match index {
-        0 => return Err(ParseError::syntax(place, "vertices are counted from 1, a face refers to vertex 0")),
+        0 => {
+            return Err(ParseError::syntax(
+                place,
+                "vertices are counted from 1, a face refers to vertex 0",
+            ));
+        }
         1.. => index - 1,
         _ => index.saturating_add(i64::try_from(vertices).unwrap_or(i64::MAX)),
     };
-    u32::try_from(from_zero).ok().filter(|&i| i != u32::MAX).ok_or_else(|| {
-        let fault = Fault::IndexOutOfRange { index: from_zero, vertices: vertices as u64 };
-        ParseError::at(place, fault)
-    })
+    u32::try_from(from_zero)
+        .ok()
+        .filter(|&i| i != u32::MAX)
+        .ok_or_else(|| {
+            let fault = Fault::IndexOutOfRange {
+                index: from_zero,
+                vertices: vertices as u64,
+            };
+            ParseError::at(place, fault)
+        })
 }
 
 #[cfg(test)]
@@ -111,7 +127,10 @@ mod tests {
 
     #[test]
     fn faces_may_come_before_their_vertices() {
-        assert_eq!(triangles(&format!("f 1 2 3\n{SQUARE}")).unwrap(), [[0, 1, 2]]);
+        assert_eq!(
+            triangles(&format!("f 1 2 3\n{SQUARE}")).unwrap(),
+            [[0, 1, 2]]
+        );
     }
 
     #[test]
@@ -131,7 +150,11 @@ mod tests {
             ("v 0 0 0\nf 1 1 99999999999999999999\n", 2),
             ("v 0 1,5 0\n", 1),
         ] {
-            assert_eq!(triangles(text).unwrap_err().place, Place::Line(line), "{text}");
+            assert_eq!(
+                triangles(text).unwrap_err().place,
+                Place::Line(line),
+                "{text}"
+            );
         }
     }
 }

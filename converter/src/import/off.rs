@@ -11,7 +11,6 @@ use glam::DVec3;
 /// What the keyword says of a vertex line.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 struct Keyword {
-    texture: bool,
     colour: bool,
     normal: bool,
     other_dimension: bool,
@@ -27,8 +26,9 @@ fn keyword(word: &[u8]) -> Option<(Keyword, &[u8])> {
         None => false,
     };
     let mut rest = word;
+    // Texture coordinates come last on the line, where they do not matter.
+    take(&mut rest, b"ST");
     let mut keyword = Keyword {
-        texture: take(&mut rest, b"ST"),
         colour: take(&mut rest, b"C"),
         normal: take(&mut rest, b"N"),
         other_dimension: false,
@@ -36,21 +36,33 @@ fn keyword(word: &[u8]) -> Option<(Keyword, &[u8])> {
     keyword.other_dimension |= take(&mut rest, b"4");
     keyword.other_dimension |= take(&mut rest, b"n");
     let rest = rest.strip_prefix(b"OFF")?;
-    rest.iter().all(u8::is_ascii_digit).then_some((keyword, rest))
+    rest.iter()
+        .all(u8::is_ascii_digit)
+        .then_some((keyword, rest))
 }
 
 /// Whether the text begins with the keyword, comments aside.
 pub(super) fn has_keyword(bytes: &[u8]) -> bool {
     let head = &bytes[..bytes.len().min(1 << 16)];
     content(head).next().is_some_and(|(_, line)| {
-        words(line).next().is_some_and(|word| keyword(word).is_some())
+        words(line)
+            .next()
+            .is_some_and(|word| keyword(word).is_some())
     })
 }
 
 /// Lines with their comments cut off, without the empty ones.
 fn content(text: &[u8]) -> impl Iterator<Item = (u64, &[u8])> {
     lines(super::detect::without_bom(text))
-        .map(|(number, line)| (number, line.split(|&b| b == b'#').next().unwrap_or_default().trim_ascii()))
+        .map(|(number, line)| {
+            (
+                number,
+                line.split(|&b| b == b'#')
+                    .next()
+                    .unwrap_or_default()
+                    .trim_ascii(),
+            )
+        })
         .filter(|(_, line)| !line.is_empty())
 }
 
@@ -60,24 +72,30 @@ pub(super) fn parse(bytes: &[u8]) -> Result<Soup, ParseError> {
     let (kind, vertices, faces) = parse_header(&mut lines, end)?;
 
     // A vertex takes 6 bytes and a face 2 at least ("0 0 0\n", "0\n").
-    let needed = vertices.saturating_mul(6).saturating_add(faces.saturating_mul(2));
+    let needed = vertices
+        .saturating_mul(6)
+        .saturating_add(faces.saturating_mul(2));
     if needed > bytes.len() as u64 + 1 {
-        let missing = format!("{vertices} vertices and {faces} faces are announced, more than the file can hold");
+        let missing = format!(
+            "{vertices} vertices and {faces} faces are announced, more than the file can hold"
+        );
         return Err(ParseError::truncated(Place::File, missing));
     }
     let mut soup = Soup::default();
-    soup.positions.reserve_exact(usize::try_from(vertices).unwrap_or(0));
+    soup.positions
+        .reserve_exact(usize::try_from(vertices).unwrap_or(0));
     soup.faces.reserve(usize::try_from(faces).unwrap_or(0));
     for i in 0..vertices {
-        let (line_number, line) = lines
-            .next()
-            .ok_or_else(|| ParseError::truncated(end, format!("{i} of {vertices} vertices are there")))?;
+        let (line_number, line) = lines.next().ok_or_else(|| {
+            ParseError::truncated(end, format!("{i} of {vertices} vertices are there"))
+        })?;
         parse_vertex(line, Place::Line(line_number), kind, &mut soup)?;
     }
     let mut face = Vec::new();
     for i in 0..faces {
-        let (line_number, line) =
-            lines.next().ok_or_else(|| ParseError::truncated(end, format!("{i} of {faces} faces are there")))?;
+        let (line_number, line) = lines
+            .next()
+            .ok_or_else(|| ParseError::truncated(end, format!("{i} of {faces} faces are there")))?;
         parse_face(line, Place::Line(line_number), vertices, &mut face)?;
         soup.faces.push(&face, Place::Line(line_number));
     }
@@ -96,12 +114,21 @@ fn parse_header<'a>(
             kind = k;
             counts.extend(Some(tail).filter(|t| !t.is_empty()));
             counts.extend(rest);
-            let binary = counts.first().is_some_and(|w| w.eq_ignore_ascii_case(b"BINARY"));
+            let binary = counts
+                .first()
+                .is_some_and(|w| w.eq_ignore_ascii_case(b"BINARY"));
             if kind.other_dimension || binary {
-                let what = if binary { "binary OFF" } else { "OFF with other than three dimensions" };
+                let what = if binary {
+                    "binary OFF"
+                } else {
+                    "OFF with other than three dimensions"
+                };
                 return Err(ParseError::at(
                     Place::Line(*line_number),
-                    Fault::Unsupported { what: what.to_owned(), advice: "export as ASCII OFF or PLY" },
+                    Fault::Unsupported {
+                        what: what.to_owned(),
+                        advice: "export as ASCII OFF or PLY",
+                    },
                 ));
             }
             lines.next();
@@ -109,29 +136,48 @@ fn parse_header<'a>(
     }
     let mut place = Place::File;
     if counts.is_empty() {
-        let (line_number, line) =
-            lines.next().ok_or_else(|| ParseError::truncated(end, "the numbers of vertices and faces are missing"))?;
+        let (line_number, line) = lines.next().ok_or_else(|| {
+            ParseError::truncated(end, "the numbers of vertices and faces are missing")
+        })?;
         place = Place::Line(line_number);
         counts.extend(words(line));
     }
     let [vertices, faces, ..] = counts[..] else {
         let cause = "the numbers of vertices, faces and edges are missing".to_owned();
-        return Err(ParseError::at(place, Fault::Header { format: "OFF", cause }));
+        return Err(ParseError::at(
+            place,
+            Fault::Header {
+                format: "OFF",
+                cause,
+            },
+        ));
     };
     let count = |word, what| {
         let n = integer(word, place, what)?;
-        u64::try_from(n).map_err(|_| ParseError::syntax(place, format!("{n} {what} are announced")))
+        u64::try_from(n)
+            .ok()
+            .ok_or_else(|| ParseError::syntax(place, format!("the {what} is {n}")))
     };
-    Ok((kind, count(vertices, "number of vertices")?, count(faces, "number of faces")?))
+    Ok((
+        kind,
+        count(vertices, "number of vertices")?,
+        count(faces, "number of faces")?,
+    ))
 }
 
-fn parse_vertex(line: &[u8], place: Place, kind: Keyword, soup: &mut Soup) -> Result<(), ParseError> {
+fn parse_vertex(
+    line: &[u8],
+    place: Place,
+    kind: Keyword,
+    soup: &mut Soup,
+) -> Result<(), ParseError> {
     let mut rest = words(line);
     let mut next = |what: &str| match rest.next() {
         Some(word) => number(word, place, what),
         None => Err(ParseError::syntax(place, format!("a vertex has no {what}"))),
     };
-    soup.positions.push(DVec3::new(next("x")?, next("y")?, next("z")?));
+    soup.positions
+        .push(DVec3::new(next("x")?, next("y")?, next("z")?));
     if kind.normal {
         for what in ["normal x", "normal y", "normal z"] {
             next(what)?;
@@ -144,16 +190,27 @@ fn parse_vertex(line: &[u8], place: Place, kind: Keyword, soup: &mut Soup) -> Re
     Ok(())
 }
 
-fn parse_face(line: &[u8], place: Place, vertices: u64, face: &mut Vec<u32>) -> Result<(), ParseError> {
+fn parse_face(
+    line: &[u8],
+    place: Place,
+    vertices: u64,
+    face: &mut Vec<u32>,
+) -> Result<(), ParseError> {
     face.clear();
     let mut rest = words(line);
     let corners = integer(rest.next().unwrap_or_default(), place, "number of corners")?;
     if corners < 0 {
-        return Err(ParseError::syntax(place, format!("a face has {corners} corners")));
+        return Err(ParseError::syntax(
+            place,
+            format!("a face has {corners} corners"),
+        ));
     }
     for _ in 0..corners {
         let word = rest.next().ok_or_else(|| {
-            ParseError::syntax(place, format!("a face has {} of {corners} corners", face.len()))
+            ParseError::syntax(
+                place,
+                format!("a face has {} of {corners} corners", face.len()),
+            )
         })?;
         let index = integer(word, place, "index of a vertex")?;
         let vertex = u32::try_from(index)
@@ -181,7 +238,13 @@ mod tests {
     #[test]
     fn counts_may_stand_beside_the_keyword_and_the_keyword_may_be_missing() {
         let body = "0 0 0\n1 0 0\n1 1 0\n0 1 0\n4 0 1 2 3\n";
-        for head in ["OFF 4 1 0\n", "OFF4 1 0\n", "OFF\r\n4 1\r\n", "4 1 4\n", "COFF\n# x\n\n4 1 0\n"] {
+        for head in [
+            "OFF 4 1 0\n",
+            "OFF4 1 0\n",
+            "OFF\r\n4 1\r\n",
+            "4 1 4\n",
+            "COFF\n# x\n\n4 1 0\n",
+        ] {
             let text = format!("{head}{body}");
             let result = parse(text.as_bytes());
             assert_eq!(result.is_ok(), !head.starts_with('C'), "{head}");
@@ -191,10 +254,26 @@ mod tests {
     #[test]
     fn faults_name_their_line() {
         let cases: [(&[u8], Place, &str); 5] = [
-            (b"OFF\n3 1 0\n0 0 0\n1 0 0\n0 1 0\n3 0 1 3\n", Place::Line(6), "refers to vertex 3"),
-            (b"OFF\n3 1 0\n0 0 0\n1 0 0\n0 1 0\n3 0 1\n", Place::Line(6), "2 of 3 corners"),
-            (b"OFF\n3 1 0\n0 0 0\n1 0 zero\n0 1 0\n3 0 1 2\n", Place::Line(4), "zero"),
-            (b"OFF\n900000000 1 0\n0 0 0\n", Place::File, "more than the file can hold"),
+            (
+                b"OFF\n3 1 0\n0 0 0\n1 0 0\n0 1 0\n3 0 1 3\n",
+                Place::Line(6),
+                "refers to vertex 3",
+            ),
+            (
+                b"OFF\n3 1 0\n0 0 0\n1 0 0\n0 1 0\n3 0 1\n",
+                Place::Line(6),
+                "2 of 3 corners",
+            ),
+            (
+                b"OFF\n3 1 0\n0 0 0\n1 0 zero\n0 1 0\n3 0 1 2\n",
+                Place::Line(4),
+                "zero",
+            ),
+            (
+                b"OFF\n900000000 1 0\n0 0 0\n",
+                Place::File,
+                "more than the file can hold",
+            ),
             (b"4OFF\n3 1 0\n", Place::Line(1), "three dimensions"),
         ];
         for (text, place, part) in cases {

@@ -46,7 +46,11 @@ fn read(header: &Header, body: &mut impl Body) -> Result<Soup, ParseError> {
 
 /// Refuses a count that the rest of the file cannot hold, before anything is allocated for it.
 fn bound(element: &Element, body: &impl Body) -> Result<(), ParseError> {
-    let least = element.properties.iter().map(|p| body.least_bytes(p)).sum::<u64>();
+    let least = element
+        .properties
+        .iter()
+        .map(|p| body.least_bytes(p))
+        .sum::<u64>();
     let needed = element.count.saturating_mul(least);
     // The last word of a text needs no separator after it.
     if needed <= body.remaining() + 1 {
@@ -65,12 +69,26 @@ fn bound(element: &Element, body: &impl Body) -> Result<(), ParseError> {
 
 /// Number of records; elements without properties have no bytes, whatever count they claim.
 fn records(element: &Element) -> u64 {
-    if element.properties.is_empty() { 0 } else { element.count }
+    if element.properties.is_empty() {
+        0
+    } else {
+        element.count
+    }
 }
 
-fn read_vertices(element: &Element, body: &mut impl Body, soup: &mut Soup) -> Result<(), ParseError> {
+fn read_vertices(
+    element: &Element,
+    body: &mut impl Body,
+    soup: &mut Soup,
+) -> Result<(), ParseError> {
     let bad = |cause: &str| {
-        ParseError::at(Place::File, Fault::Header { format: "PLY", cause: cause.to_owned() })
+        ParseError::at(
+            Place::File,
+            Fault::Header {
+                format: "PLY",
+                cause: cause.to_owned(),
+            },
+        )
     };
     let find = |name: &str| {
         element.properties.iter().position(|p| {
@@ -89,7 +107,8 @@ fn read_vertices(element: &Element, body: &mut impl Body, soup: &mut Soup) -> Re
     }
     let count = usize::try_from(records(element)).unwrap_or(usize::MAX);
     soup.positions.reserve_exact(count);
-    soup.colours.reserve_exact(if rgb.is_some() { count } else { 0 });
+    soup.colours
+        .reserve_exact(if rgb.is_some() { count } else { 0 });
     let mut values = vec![0.0; element.properties.len()];
     for _ in 0..count {
         for (value, property) in values.iter_mut().zip(&element.properties) {
@@ -101,9 +120,13 @@ fn read_vertices(element: &Element, body: &mut impl Body, soup: &mut Soup) -> Re
                 }
             };
         }
-        soup.positions.push(DVec3::new(values[x], values[y], values[z]));
+        soup.positions
+            .push(DVec3::new(values[x], values[y], values[z]));
         if let Some(rgb) = rgb {
-            soup.colours.push(read_colour(rgb.map(|i| values[i]), element.properties[rgb[0]].scalar));
+            soup.colours.push(read_colour(
+                rgb.map(|i| values[i]),
+                element.properties[rgb[0]].scalar,
+            ));
         }
     }
     Ok(())
@@ -119,14 +142,26 @@ fn read_colour(rgb: [f64; 3], scalar: Scalar) -> [u8; 3] {
 
 /// The property that holds a face's corners: the one so named, else the first list.
 fn corner_list(element: &Element) -> Result<usize, ParseError> {
-    let lists = || element.properties.iter().enumerate().filter(|(_, p)| p.list.is_some());
+    let lists = || {
+        element
+            .properties
+            .iter()
+            .enumerate()
+            .filter(|(_, p)| p.list.is_some())
+    };
     lists()
         .find(|(_, p)| p.name == "vertex_indices" || p.name == "vertex_index")
         .or_else(|| lists().next())
         .map(|(i, _)| i)
         .ok_or_else(|| {
             let cause = format!("element {} has no list of vertex indices", element.name);
-            ParseError::at(Place::File, Fault::Header { format: "PLY", cause })
+            ParseError::at(
+                Place::File,
+                Fault::Header {
+                    format: "PLY",
+                    cause,
+                },
+            )
         })
 }
 
@@ -142,7 +177,7 @@ fn for_each_list<B: Body>(
     let corners = corner_list(element)?;
     let mut list = Vec::new();
     for _ in 0..element.count {
-        let place = body.place();
+        let place = body.next_place();
         for (i, property) in element.properties.iter().enumerate() {
             match property.list {
                 None => {
@@ -164,7 +199,8 @@ fn for_each_list<B: Body>(
 }
 
 fn read_faces(element: &Element, body: &mut impl Body, soup: &mut Soup) -> Result<(), ParseError> {
-    soup.faces.reserve(usize::try_from(records(element)).unwrap_or(0));
+    soup.faces
+        .reserve(usize::try_from(records(element)).unwrap_or(0));
     let mut face = Vec::new();
     let vertices = soup.positions.len();
     for_each_list(element, body, |list, place| {
@@ -193,9 +229,18 @@ fn read_strips(element: &Element, body: &mut impl Body, soup: &mut Soup) -> Resu
 }
 
 fn vertex_index(index: i64, vertices: usize, place: Place) -> Result<u32, ParseError> {
-    u32::try_from(index).ok().filter(|&i| i != u32::MAX).ok_or_else(|| {
-        ParseError::at(place, Fault::IndexOutOfRange { index, vertices: vertices as u64 })
-    })
+    u32::try_from(index)
+        .ok()
+        .filter(|&i| i != u32::MAX)
+        .ok_or_else(|| {
+            ParseError::at(
+                place,
+                Fault::IndexOutOfRange {
+                    index,
+                    vertices: vertices as u64,
+                },
+            )
+        })
 }
 
 fn skip(element: &Element, body: &mut impl Body) -> Result<(), ParseError> {

@@ -39,9 +39,9 @@ fn fan(ring: &[u32], out: &mut Vec<[u32; 3]>) {
 /// The ring in the plane of its two smaller normal axes, counter-clockwise; none for a normal of zero or NaN.
 fn project(points: &[DVec3]) -> Option<Vec<DVec2>> {
     let origin = points[0];
-    let normal = points[1..]
-        .windows(2)
-        .fold(DVec3::ZERO, |sum, w| sum + (w[0] - origin).cross(w[1] - origin));
+    let normal = points[1..].windows(2).fold(DVec3::ZERO, |sum, w| {
+        sum + (w[0] - origin).cross(w[1] - origin)
+    });
     let size = normal.abs();
     let largest = size.max_element();
     if !largest.is_finite() || largest <= 0.0 || !points.iter().all(|p| p.is_finite()) {
@@ -61,7 +61,11 @@ fn project(points: &[DVec3]) -> Option<Vec<DVec2>> {
     } else {
         normal.y > 0.0
     };
-    let mirror = if positive { DVec2::ONE } else { DVec2::new(-1.0, 1.0) };
+    let mirror = if positive {
+        DVec2::ONE
+    } else {
+        DVec2::new(-1.0, 1.0)
+    };
     Some(points.iter().map(|&p| flatten(p) * mirror).collect())
 }
 
@@ -89,7 +93,11 @@ fn clip_ears(ring: &[u32], flat: &[DVec2], out: &mut Vec<[u32; 3]>) {
         });
         // A self-crossing ring may have no ear.
         let Some(i) = ear else { break };
-        out.push([ring[left[(i + n - 1) % n]], ring[left[i]], ring[left[(i + 1) % n]]]);
+        out.push([
+            ring[left[(i + n - 1) % n]],
+            ring[left[i]],
+            ring[left[(i + 1) % n]],
+        ]);
         left.remove(i);
         at = i;
     }
@@ -99,7 +107,11 @@ fn clip_ears(ring: &[u32], flat: &[DVec2], out: &mut Vec<[u32; 3]>) {
 
 fn is_ear(left: &[usize], flat: &[DVec2], i: usize) -> bool {
     let n = left.len();
-    let (p, q, r) = (flat[left[(i + n - 1) % n]], flat[left[i]], flat[left[(i + 1) % n]]);
+    let (p, q, r) = (
+        flat[left[(i + n - 1) % n]],
+        flat[left[i]],
+        flat[left[(i + 1) % n]],
+    );
     orient(p, q, r) > 0.0
         && (2..n - 1).map(|k| flat[left[(i + k) % n]]).all(|x| {
             // A corner at the same place as an ear corner (a keyhole bridge) does not block it.
@@ -125,7 +137,10 @@ mod tests {
     }
 
     fn cut(outline: &[(f64, f64)]) -> (Vec<DVec3>, Vec<[u32; 3]>) {
-        let points: Vec<DVec3> = outline.iter().map(|&(x, y)| DVec3::new(x, y, 0.5)).collect();
+        let points: Vec<DVec3> = outline
+            .iter()
+            .map(|&(x, y)| DVec3::new(x, y, 0.5))
+            .collect();
         let face: Vec<u32> = (0..).take(points.len()).collect();
         let mut out = Vec::new();
         assert!(triangulate(&face, &points, &mut out));
@@ -148,8 +163,21 @@ mod tests {
             assert!(area(&points, &[*triangle]) > 0.0);
         }
         let comb: Vec<(f64, f64)> = vec![
-            (0.0, 0.0), (7.0, 0.0), (7.0, 3.0), (6.0, 3.0), (6.0, 1.0), (5.0, 1.0), (5.0, 3.0),
-            (4.0, 3.0), (4.0, 1.0), (3.0, 1.0), (3.0, 3.0), (2.0, 3.0), (2.0, 1.0), (1.0, 1.0), (0.0, 3.0),
+            (0.0, 0.0),
+            (7.0, 0.0),
+            (7.0, 3.0),
+            (6.0, 3.0),
+            (6.0, 1.0),
+            (5.0, 1.0),
+            (5.0, 3.0),
+            (4.0, 3.0),
+            (4.0, 1.0),
+            (3.0, 1.0),
+            (3.0, 3.0),
+            (2.0, 3.0),
+            (2.0, 1.0),
+            (1.0, 1.0),
+            (0.0, 3.0),
         ];
         let (points, t) = cut(&comb);
         assert_eq!(t.len(), comb.len() - 2);
@@ -183,7 +211,13 @@ mod tests {
         assert!(!triangulate(&[2, 2, 2, 2, 2], &line, &mut out));
         assert!(!triangulate(&[], &line, &mut out));
         assert_eq!(out.len(), 4);
-        let bow = [DVec3::ZERO, DVec3::new(1.0, 1.0, 0.0), DVec3::X, DVec3::Y, DVec3::new(0.5, 3.0, 0.0)];
+        let bow = [
+            DVec3::ZERO,
+            DVec3::new(1.0, 1.0, 0.0),
+            DVec3::X,
+            DVec3::Y,
+            DVec3::new(0.5, 3.0, 0.0),
+        ];
         assert!(triangulate(&[0, 1, 2, 3, 4], &bow, &mut out));
         assert_eq!(out.len(), 7);
     }

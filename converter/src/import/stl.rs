@@ -33,8 +33,11 @@ pub(super) fn parse(bytes: &[u8]) -> Result<Soup, ParseError> {
 /// "solid" first, and no control characters in what follows, as a binary count or coordinate would have.
 fn is_text(bytes: &[u8]) -> bool {
     let text = super::detect::without_bom(bytes).trim_ascii_start();
-    text.get(..5).is_some_and(|h| h.eq_ignore_ascii_case(b"solid"))
-        && bytes[..bytes.len().min(1024)].iter().all(|&b| b >= 0x20 || b.is_ascii_whitespace())
+    text.get(..5)
+        .is_some_and(|h| h.eq_ignore_ascii_case(b"solid"))
+        && bytes[..bytes.len().min(1024)]
+            .iter()
+            .all(|&b| b >= 0x20 || b.is_ascii_whitespace())
 }
 
 fn parse_binary(bytes: &[u8]) -> Result<Soup, ParseError> {
@@ -48,7 +51,10 @@ fn parse_binary(bytes: &[u8]) -> Result<Soup, ParseError> {
     if (records.len() as u64) < announced {
         return Err(ParseError::truncated(
             Place::Byte(bytes.len() as u64),
-            format!("{announced} triangles are announced, {} are there", records.len()),
+            format!(
+                "{announced} triangles are announced, {} are there",
+                records.len()
+            ),
         ));
     }
     let mut soup = Soup::default();
@@ -57,9 +63,9 @@ fn parse_binary(bytes: &[u8]) -> Result<Soup, ParseError> {
     soup.positions.reserve_exact(3 * announced);
     soup.faces.reserve(announced);
     for (i, record) in records.take(announced).enumerate() {
-        let mut corners = record[12..48].chunks_exact(4).map(|c| {
-            f64::from(f32::from_le_bytes([c[0], c[1], c[2], c[3]]))
-        });
+        let mut corners = record[12..48]
+            .chunks_exact(4)
+            .map(|c| f64::from(f32::from_le_bytes([c[0], c[1], c[2], c[3]])));
         let place = Place::Byte((HEADER + i * RECORD) as u64);
         let mut next = || corners.next().unwrap_or(f64::NAN);
         for _ in 0..3 {
@@ -67,7 +73,8 @@ fn parse_binary(bytes: &[u8]) -> Result<Soup, ParseError> {
             soup.positions.push(DVec3::new(x, y, z));
         }
         let first = super::vertex_id(3 * i, place)?;
-        soup.faces.push_triangle([first, first + 1, first + 2], place);
+        soup.faces
+            .push_triangle([first, first + 1, first + 2], place);
     }
     Ok(soup)
 }
@@ -110,11 +117,19 @@ fn parse_ascii(text: &[u8]) -> Result<Soup, ParseError> {
                 soup.faces.push(&face, place);
                 face.clear();
             }
-            _ => return Err(ParseError::syntax(place, format!("{} is no STL keyword", quoted(word)))),
+            _ => {
+                return Err(ParseError::syntax(
+                    place,
+                    format!("{} is no STL keyword", quoted(word)),
+                ));
+            }
         }
     }
     if open_solid || !face.is_empty() {
-        return Err(ParseError::truncated(words.place(), "\"endsolid\" is missing"));
+        return Err(ParseError::truncated(
+            words.place(),
+            "\"endsolid\" is missing",
+        ));
     }
     Ok(soup)
 }
@@ -156,7 +171,14 @@ mod tests {
     fn cut_binary_names_both_counts() {
         let file = binary(b"", &[CORNERS, CORNERS]);
         let error = parse(&file[..file.len() - 3]).unwrap_err();
-        assert!(error.fault.to_string().contains("2 triangles are announced, 1 are there"), "{}", error.fault);
+        assert!(
+            error
+                .fault
+                .to_string()
+                .contains("2 triangles are announced, 1 are there"),
+            "{}",
+            error.fault
+        );
     }
 
     #[test]
@@ -169,7 +191,8 @@ mod tests {
 
     #[test]
     fn text_cut_anywhere_is_refused() {
-        let text = b"solid a\nfacet normal 0 0 1\nouter loop\nvertex 0 0 0\nvertex 1 0 0\nvertex 0 1 0\n\
+        let text =
+            b"solid a\nfacet normal 0 0 1\nouter loop\nvertex 0 0 0\nvertex 1 0 0\nvertex 0 1 0\n\
                      endloop\nendfacet\nendsolid a";
         assert!(parse(text).is_ok());
         for end in 5..text.len() - b"endsolid a".len() {

@@ -3,8 +3,10 @@ use crate::mesh;
 use proptest::prelude::*;
 use std::io::Write;
 
-const OBJ: &str = "v 0 0 0 1 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nv 0.5 0.5 1\nf 1 2 3 4\nf -1//1 1/2/3 2\nf 5 2 3\n";
-const OFF: &str = "OFF\n5 3 0\n0 0 0\n1 0 0\n1 1 0\n0 1 0\n0.5 0.5 1\n4 0 1 2 3\n3 4 0 1\n3 4 1 2\n";
+const OBJ: &str =
+    "v 0 0 0 1 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nv 0.5 0.5 1\nf 1 2 3 4\nf -1//1 1/2/3 2\nf 5 2 3\n";
+const OFF: &str =
+    "OFF\n5 3 0\n0 0 0\n1 0 0\n1 1 0\n0 1 0\n0.5 0.5 1\n4 0 1 2 3\n3 4 0 1\n3 4 1 2\n";
 const STL: &str = "solid a\nfacet normal 0 0 1\nouter loop\nvertex 0 0 0\nvertex 1 0 0\nvertex 0 1 0\nendloop\nendfacet\nendsolid a\n";
 const PLY: &str = "ply\nformat ascii 1.0\nelement vertex 4\nproperty float x\nproperty float y\nproperty float z\nproperty uchar red\n\
                    property uchar green\nproperty uchar blue\nelement face 2\nproperty list uchar int vertex_indices\nend_header\n\
@@ -18,7 +20,10 @@ const GLTF: &str = r#"{"asset":{"version":"2.0"},"scenes":[{"nodes":[0]}],"nodes
 fn binary_stl() -> Vec<u8> {
     let mut file = vec![b' '; 80];
     file.extend(2_u32.to_le_bytes());
-    for corner in [[0.0_f32, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0], [0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0]] {
+    for corner in [
+        [0.0_f32, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0],
+        [0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0],
+    ] {
         file.extend([0; 12]);
         file.extend(corner.iter().flat_map(|x| x.to_le_bytes()));
         file.extend([0; 2]);
@@ -28,14 +33,16 @@ fn binary_stl() -> Vec<u8> {
 
 fn binary_ply() -> Vec<u8> {
     let head = PLY.find("0 0 0 1 2 3").unwrap();
-    let mut file = PLY[..head].replace("ascii", "binary_little_endian").into_bytes();
+    let mut file = PLY[..head]
+        .replace("ascii", "binary_little_endian")
+        .into_bytes();
     for (x, y) in [(0.0_f32, 0.0_f32), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0)] {
-        [x, y, 0.0].iter().for_each(|c| file.extend(c.to_le_bytes()));
+        file.extend([x, y, 0.0].iter().flat_map(|c| c.to_le_bytes()));
         file.extend([9, 8, 7]);
     }
     for face in [&[0_i32, 1, 2, 3][..], &[0, 1, 2]] {
         file.push(u8::try_from(face.len()).unwrap());
-        face.iter().for_each(|i| file.extend(i.to_le_bytes()));
+        file.extend(face.iter().flat_map(|i| i.to_le_bytes()));
     }
     file
 }
@@ -69,7 +76,10 @@ fn content_decides_the_format_whatever_the_name() {
             let (same, report) = import_bytes(zipped.clone(), Path::new(name)).unwrap();
             assert_eq!((report.format, report.gzipped), (format, true));
             assert_eq!(report.bytes, zipped.len() as u64);
-            assert_eq!((same.positions, same.triangles), (mesh.positions, mesh.triangles));
+            assert_eq!(
+                (same.positions, same.triangles),
+                (mesh.positions, mesh.triangles)
+            );
         }
     }
 }
@@ -78,8 +88,15 @@ fn content_decides_the_format_whatever_the_name() {
 fn extension_decides_where_content_does_not() {
     let headless = OFF.replace("OFF\n", "");
     let zipped = gzip(headless.as_bytes());
-    for (bytes, name) in [(headless.clone().into_bytes(), "a.off"), (headless.into_bytes(), "a.OFF"), (zipped, "a.off.gz")] {
-        assert_eq!(import_bytes(bytes, Path::new(name)).unwrap().1.format, Format::Off);
+    for (bytes, name) in [
+        (headless.clone().into_bytes(), "a.off"),
+        (headless.into_bytes(), "a.OFF"),
+        (zipped, "a.off.gz"),
+    ] {
+        assert_eq!(
+            import_bytes(bytes, Path::new(name)).unwrap().1.format,
+            Format::Off
+        );
     }
 }
 
@@ -92,12 +109,23 @@ fn what_is_no_mesh_is_said_to_be_none() {
         (b"<!DOCTYPE html><html>", "HTML"),
         (b"\0\x01\x02", "\\x00\\x01\\x02"),
         (b"\x1f\x8b\x08\0", "gzip"),
-        (b"v 0 0 0\nv 1 0 0\nv 1 1 0\nl 1 2 3\n", "no triangles (3 vertices, 0 faces)"),
-        (b"v nan 0 0\nv 1 inf 0\nv 1 1 -nan(ind)\nf 1 2 3\n", "none of the 3 vertices"),
+        (
+            b"v 0 0 0\nv 1 0 0\nv 1 1 0\nl 1 2 3\n",
+            "no triangles (3 vertices, 0 faces)",
+        ),
+        (
+            b"v nan 0 0\nv 1 inf 0\nv 1 1 -nan(ind)\nf 1 2 3\n",
+            "none of the 3 vertices",
+        ),
     ];
     for (bytes, part) in cases {
-        let message = import_bytes(bytes.to_vec(), Path::new("scan.dat")).unwrap_err().to_string();
-        assert!(message.contains(part) && message.contains("scan.dat"), "{message}");
+        let message = import_bytes(bytes.to_vec(), Path::new("scan.dat"))
+            .unwrap_err()
+            .to_string();
+        assert!(
+            message.contains(part) && message.contains("scan.dat"),
+            "{message}"
+        );
     }
     let gone = import(Path::new("no such folder/no such file.ply")).unwrap_err();
     assert!(matches!(gone, ImportError::Read { .. }));
@@ -118,7 +146,9 @@ fn messages_name_file_place_and_cause() {
 fn gzip_bombs_are_stopped() {
     let bomb = gzip(&vec![b'\n'; 100 << 20]);
     assert!(expansion_limit(bomb.len() as u64) < 100 << 20);
-    let message = import_bytes(bomb, Path::new("a.obj.gz")).unwrap_err().to_string();
+    let message = import_bytes(bomb, Path::new("a.obj.gz"))
+        .unwrap_err()
+        .to_string();
     assert!(message.contains("more than"), "{message}");
 }
 

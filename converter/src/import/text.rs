@@ -24,22 +24,36 @@ impl<'a> Words<'a> {
         self.rest.len() as u64
     }
 
+    /// Moves to the next word, across lines, so that [`Self::place`] is its line.
+    pub(super) fn skip_space(&mut self) {
+        let line = &mut self.line;
+        let start = self.rest.iter().position(|b| {
+            *line += u64::from(*b == b'\n');
+            !b.is_ascii_whitespace()
+        });
+        self.rest = &self.rest[start.unwrap_or(self.rest.len())..];
+    }
+
     /// The next word, across lines.
     pub(super) fn next(&mut self) -> Option<&'a [u8]> {
-        let start = self.rest.iter().position(|b| {
-            self.line += u64::from(*b == b'\n');
-            !b.is_ascii_whitespace()
-        })?;
-        let text = &self.rest[start..];
-        let end = text.iter().position(u8::is_ascii_whitespace).unwrap_or(text.len());
-        let (word, rest) = text.split_at(end);
+        self.skip_space();
+        let end = self
+            .rest
+            .iter()
+            .position(u8::is_ascii_whitespace)
+            .unwrap_or(self.rest.len());
+        let (word, rest) = self.rest.split_at(end);
         self.rest = rest;
-        Some(word)
+        (!word.is_empty()).then_some(word)
     }
 
     /// Skips to the end of the line (the line break stays).
     pub(super) fn skip_line(&mut self) {
-        let end = self.rest.iter().position(|&b| b == b'\n').unwrap_or(self.rest.len());
+        let end = self
+            .rest
+            .iter()
+            .position(|&b| b == b'\n')
+            .unwrap_or(self.rest.len());
         self.rest = &self.rest[end..];
     }
 
@@ -47,7 +61,10 @@ impl<'a> Words<'a> {
     pub(super) fn number(&mut self, what: &str) -> Result<f64, ParseError> {
         match self.next() {
             Some(word) => number(word, self.place(), what),
-            None => Err(ParseError::truncated(self.place(), format!("{what} is missing"))),
+            None => Err(ParseError::truncated(
+                self.place(),
+                format!("{what} is missing"),
+            )),
         }
     }
 }
@@ -60,7 +77,8 @@ pub(super) fn lines(text: &[u8]) -> impl Iterator<Item = (u64, &[u8])> {
 }
 
 pub(super) fn words(line: &[u8]) -> impl Iterator<Item = &[u8]> {
-    line.split(u8::is_ascii_whitespace).filter(|w| !w.is_empty())
+    line.split(u8::is_ascii_whitespace)
+        .filter(|w| !w.is_empty())
 }
 
 /// A decimal number; what C libraries print for "not a number" and "infinity" is accepted.
@@ -76,7 +94,10 @@ pub(super) fn number(word: &[u8], place: Place, what: &str) -> Result<f64, Parse
     if is(b"#inf") {
         return Ok(f64::INFINITY);
     }
-    Err(ParseError::syntax(place, format!("{what} should be a number, not {}", quoted(word))))
+    Err(ParseError::syntax(
+        place,
+        format!("{what} should be a number, not {}", quoted(word)),
+    ))
 }
 
 /// An integer.
@@ -84,11 +105,20 @@ pub(super) fn integer(word: &[u8], place: Place, what: &str) -> Result<i64, Pars
     std::str::from_utf8(word)
         .ok()
         .and_then(|w| w.parse().ok())
-        .ok_or_else(|| ParseError::syntax(place, format!("{what} should be an integer, not {}", quoted(word))))
+        .ok_or_else(|| {
+            ParseError::syntax(
+                place,
+                format!("{what} should be an integer, not {}", quoted(word)),
+            )
+        })
 }
 
 /// `word` for a message: printable and short.
 pub(super) fn quoted(word: &[u8]) -> String {
     let shown = &word[..word.len().min(24)];
-    format!("\"{}{}\"", shown.escape_ascii(), if shown.len() < word.len() { "…" } else { "" })
+    format!(
+        "\"{}{}\"",
+        shown.escape_ascii(),
+        if shown.len() < word.len() { "…" } else { "" }
+    )
 }

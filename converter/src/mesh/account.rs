@@ -26,8 +26,13 @@ pub enum Reason {
 
 impl Reason {
     /// All reasons, in order.
-    pub const ALL: [Self; 5] =
-        [Self::NonFinite, Self::Degenerate, Self::TooSmall, Self::Duplicate, Self::SecondSide];
+    pub const ALL: [Self; 5] = [
+        Self::NonFinite,
+        Self::Degenerate,
+        Self::TooSmall,
+        Self::Duplicate,
+        Self::SecondSide,
+    ];
 }
 
 impl fmt::Display for Reason {
@@ -95,7 +100,13 @@ impl Account {
     /// Opens the books.
     pub fn new(mesh: &ImportedMesh) -> Self {
         let area = total_area(&mesh.positions, &mesh.triangles);
-        Self { imported: Tally { triangles: mesh.triangles.len(), area }, ..Self::default() }
+        Self {
+            imported: Tally {
+                triangles: mesh.triangles.len(),
+                area,
+            },
+            ..Self::default()
+        }
     }
 
     /// What was left out for `reason`.
@@ -111,7 +122,10 @@ impl Account {
 
     pub(super) fn close(&mut self, mesh: &ManifoldMesh) {
         let triangles = mesh.triangles.len() - self.added_triangles;
-        self.kept = Tally { triangles, area: total_area(&mesh.positions, &mesh.triangles) };
+        self.kept = Tally {
+            triangles,
+            area: total_area(&mesh.positions, &mesh.triangles),
+        };
     }
 
     /// Checks that triangles and areas balance.
@@ -127,10 +141,17 @@ impl Account {
             ));
         }
         // The tolerance weld moves corners; what it may change is bounded by its distance, not by rounding.
-        let allowed = if self.weld_tolerance.is_some() { 1e-3 } else { 1e-9 };
+        let allowed = if self.weld_tolerance.is_some() {
+            1e-3
+        } else {
+            1e-9
+        };
         let out = self.kept.area + self.lost.iter().map(|t| t.area).sum::<f64>();
         if (self.imported.area - out).abs() > allowed * self.imported.area {
-            return Err(format!("an area of {} came in, but {out} is accounted for", self.imported.area));
+            return Err(format!(
+                "an area of {} came in, but {out} is accounted for",
+                self.imported.area
+            ));
         }
         Ok(())
     }
@@ -146,7 +167,12 @@ fn finite_area([a, b, c]: [DVec3; 3]) -> f64 {
 fn total_area(positions: &[DVec3], triangles: &[[u32; 3]]) -> f64 {
     let blocks: Vec<f64> = triangles
         .par_chunks(1 << 13)
-        .map(|block| block.iter().map(|t| finite_area(t.map(|v| positions[v as usize]))).sum())
+        .map(|block| {
+            block
+                .iter()
+                .map(|t| finite_area(t.map(|v| positions[v as usize])))
+                .sum()
+        })
         .collect();
     blocks.iter().sum()
 }

@@ -12,7 +12,7 @@ pub fn next(h: u32) -> u32 {
 /// The half-edge before `h` in its triangle.
 #[inline]
 pub fn previous(h: u32) -> u32 {
-    if h % 3 == 0 { h + 2 } else { h - 1 }
+    if h.is_multiple_of(3) { h + 2 } else { h - 1 }
 }
 
 /// The vertex where `h` starts.
@@ -72,12 +72,14 @@ impl EdgeTable {
             }
         }
         drop(at);
-        split_at_offsets(&mut entries, &offsets).into_par_iter().for_each(|(entries, offsets)| {
-            let base = offsets[0];
-            for w in offsets.windows(2) {
-                entries[(w[0] - base) as usize..(w[1] - base) as usize].sort_unstable();
-            }
-        });
+        split_at_offsets(&mut entries, &offsets)
+            .into_par_iter()
+            .for_each(|(entries, offsets)| {
+                let base = offsets[0];
+                for w in offsets.windows(2) {
+                    entries[(w[0] - base) as usize..(w[1] - base) as usize].sort_unstable();
+                }
+            });
         let mut starts = Vec::with_capacity(entries.len() / 2 + vertices + 1);
         let mut half_edges = Vec::with_capacity(entries.len());
         for w in offsets.windows(2) {
@@ -107,12 +109,17 @@ impl EdgeTable {
 
     /// The half-edges of each edge.
     pub fn edges(&self) -> impl Iterator<Item = &[u32]> {
-        self.starts.windows(2).map(|w| &self.half_edges[w[0] as usize..w[1] as usize])
+        self.starts
+            .windows(2)
+            .map(|w| &self.half_edges[w[0] as usize..w[1] as usize])
     }
 }
 
 /// Cuts `entries` into some pieces at bucket ends, each with its part of `offsets`.
-fn split_at_offsets<'a>(entries: &'a mut [u64], offsets: &'a [u32]) -> Vec<(&'a mut [u64], &'a [u32])> {
+fn split_at_offsets<'a>(
+    entries: &'a mut [u64],
+    offsets: &'a [u32],
+) -> Vec<(&'a mut [u64], &'a [u32])> {
     const BUCKETS: usize = 1 << 14;
     let mut rest = entries;
     let mut pieces = Vec::new();
@@ -136,7 +143,9 @@ pub struct UnionFind {
 impl UnionFind {
     /// `n` sets of one member each.
     pub fn new(n: usize) -> Self {
-        Self { parent: (0..id(n)).collect() }
+        Self {
+            parent: (0..id(n)).collect(),
+        }
     }
 
     /// The smallest member of the set that `i` is in.

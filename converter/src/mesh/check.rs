@@ -18,7 +18,10 @@ impl ManifoldMesh {
 
     fn check_arrays(&self) -> Result<(), String> {
         let n = self.positions.len();
-        if self.origin.len() != n || self.normals.len() != n || ![0, n].contains(&self.colours.len()) {
+        if self.origin.len() != n
+            || self.normals.len() != n
+            || ![0, n].contains(&self.colours.len())
+        {
             return Err("vertex arrays differ in length".to_owned());
         }
         if self.twins.len() != 3 * self.triangles.len() {
@@ -36,26 +39,37 @@ impl ManifoldMesh {
         }
         let mut first = vec![NONE; n];
         for (v, &o) in (0_u32..).zip(&self.origin) {
-            let slot = first.get_mut(o as usize).ok_or_else(|| format!("vertex {v} has origin {o}"))?;
+            let slot = first
+                .get_mut(o as usize)
+                .ok_or_else(|| format!("vertex {v} has origin {o}"))?;
             if *slot == NONE {
                 *slot = v;
             } else if self.positions[*slot as usize] != self.positions[v as usize] {
-                return Err(format!("vertices {slot} and {v} have one origin and two positions"));
+                return Err(format!(
+                    "vertices {slot} and {v} have one origin and two positions"
+                ));
             }
         }
         Ok(())
     }
 
     fn check_twins(&self) -> Result<(), String> {
-        for (h, &twin) in (0_u32..).zip(&self.twins).filter(|(_, twin)| **twin != NONE) {
+        for (h, &twin) in (0_u32..)
+            .zip(&self.twins)
+            .filter(|(_, twin)| **twin != NONE)
+        {
             let back = self.twins.get(twin as usize);
             if back != Some(&h) {
-                return Err(format!("half-edge {h} has twin {twin}, whose twin is {back:?}"));
+                return Err(format!(
+                    "half-edge {h} has twin {twin}, whose twin is {back:?}"
+                ));
             }
             let ends = |h| (start(&self.triangles, h), end(&self.triangles, h));
             let (a, b) = ends(h);
             if ends(twin) != (b, a) {
-                return Err(format!("half-edge {h} and its twin {twin} do not run opposite ways"));
+                return Err(format!(
+                    "half-edge {h} and its twin {twin} do not run opposite ways"
+                ));
             }
         }
         Ok(())
@@ -86,7 +100,10 @@ impl ManifoldMesh {
                 }
             }
             if fan != corners[v] {
-                return Err(format!("vertex {v} has {} corners, {fan} of them in one fan", corners[v]));
+                return Err(format!(
+                    "vertex {v} has {} corners, {fan} of them in one fan",
+                    corners[v]
+                ));
             }
         }
         match seen.iter().position(|s| !s) {
@@ -104,12 +121,22 @@ impl ManifoldMesh {
                     if apex(&self.triangles, g) == apex(&self.triangles, h)
                         && others.iter().all(|&i| i != NONE && i / 3 == h / 3)
                     {
-                        return Err(format!("triangles {} and {} have the same corners", g / 3, h / 3));
+                        return Err(format!(
+                            "triangles {} and {} have the same corners",
+                            g / 3,
+                            h / 3
+                        ));
                     }
                 }
                 _ => {
-                    let (a, b) = (start(&self.triangles, edge[0]), end(&self.triangles, edge[0]));
-                    return Err(format!("{} half-edges join vertices {a} and {b}", edge.len()));
+                    let (a, b) = (
+                        start(&self.triangles, edge[0]),
+                        end(&self.triangles, edge[0]),
+                    );
+                    return Err(format!(
+                        "{} half-edges join vertices {a} and {b}",
+                        edge.len()
+                    ));
                 }
             }
         }

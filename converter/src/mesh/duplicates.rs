@@ -25,20 +25,27 @@ pub fn remove(mesh: &mut WeldedMesh, table: &EdgeTable, account: &mut Account) -
     }
     let before = mesh.triangles.len();
     let mut reasons = dropped.iter();
-    mesh.triangles.retain(|_| reasons.next().is_some_and(Option::is_none));
+    mesh.triangles
+        .retain(|_| reasons.next().is_some_and(Option::is_none));
     mesh.triangles.len() < before
 }
 
 /// Marks all but the first of equal triangles; gives the pairs of opposite ones, the earlier first.
-fn find(triangles: &[[u32; 3]], table: &EdgeTable, dropped: &mut [Option<Reason>]) -> Vec<(u32, u32)> {
+fn find(
+    triangles: &[[u32; 3]],
+    table: &EdgeTable,
+    dropped: &mut [Option<Reason>],
+) -> Vec<(u32, u32)> {
     let mut pairs = Vec::new();
     let mut faces: Vec<(u32, u32)> = Vec::new();
     for edge in table.edges().filter(|e| e.len() > 1) {
         // Each triangle is looked at from one edge only: the one between its two lowest vertices.
         faces.clear();
-        faces.extend(edge.iter().map(|&h| (apex(triangles, h), h)).filter(|&(top, h)| {
-            top > start(triangles, h) && top > end(triangles, h)
-        }));
+        faces.extend(
+            edge.iter()
+                .map(|&h| (apex(triangles, h), h))
+                .filter(|&(top, h)| top > start(triangles, h) && top > end(triangles, h)),
+        );
         faces.sort_unstable();
         for same in faces.chunk_by(|a, b| a.0 == b.0).filter(|s| s.len() > 1) {
             let mut first = [NONE; 2];
@@ -78,9 +85,20 @@ fn second_sides(
     let mut faces = Vec::new();
     for edge in table.edges().filter(|e| e.len() > 1) {
         faces.clear();
-        faces.extend(edge.iter().map(|h| h / 3).filter(|&t| dropped[t as usize].is_none()));
-        let paired = || faces.iter().map(|&t| pair_of[t as usize]).filter(|&p| p != NONE);
-        let Some(first) = paired().next() else { continue };
+        faces.extend(
+            edge.iter()
+                .map(|h| h / 3)
+                .filter(|&t| dropped[t as usize].is_none()),
+        );
+        let paired = || {
+            faces
+                .iter()
+                .map(|&t| pair_of[t as usize])
+                .filter(|&p| p != NONE)
+        };
+        let Some(first) = paired().next() else {
+            continue;
+        };
         for p in paired() {
             sheets.union(first, p);
         }
@@ -100,5 +118,10 @@ fn second_sides(
     }
     let wall = |i: usize| is_wall[sheets.find(id(i)) as usize];
     let chosen: Vec<bool> = (0..pairs.len()).map(wall).collect();
-    pairs.iter().zip(chosen).filter(|(_, chosen)| *chosen).map(|(&pair, _)| pair).collect()
+    pairs
+        .iter()
+        .zip(chosen)
+        .filter(|(_, chosen)| *chosen)
+        .map(|(&pair, _)| pair)
+        .collect()
 }

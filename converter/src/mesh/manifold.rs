@@ -19,7 +19,11 @@ use glam::DVec3;
 
 /// Makes an oriented manifold of `mesh`, whose edges are in `table`; what had to be cut is put into `account`.
 pub fn manifold(mesh: WeldedMesh, table: &EdgeTable, account: &mut Account) -> ManifoldMesh {
-    let WeldedMesh { positions, colours, mut triangles } = mesh;
+    let WeldedMesh {
+        positions,
+        colours,
+        mut triangles,
+    } = mesh;
     let (mut twins, mut ambiguous) = two_face_twins(&triangles, table);
     let (mut turned, cuts) = orient(&triangles, &mut twins);
     ambiguous |= cuts > 0;
@@ -34,7 +38,11 @@ pub fn manifold(mesh: WeldedMesh, table: &EdgeTable, account: &mut Account) -> M
     let copy = |v: &u32| *v as usize;
     let mut mesh = ManifoldMesh {
         positions: origin.iter().map(|v| positions[copy(v)]).collect(),
-        colours: if colours.is_empty() { colours } else { origin.iter().map(|v| colours[copy(v)]).collect() },
+        colours: if colours.is_empty() {
+            colours
+        } else {
+            origin.iter().map(|v| colours[copy(v)]).collect()
+        },
         normals: Vec::new(),
         origin,
         triangles,
@@ -104,7 +112,9 @@ fn orient(triangles: &[[u32; 3]], twins: &mut [u32]) -> (Vec<bool>, usize) {
         }
         let minority = patch.iter().filter(|t| turned[**t as usize]).count();
         if 2 * minority > patch.len() {
-            patch.iter().for_each(|&t| turned[t as usize] = !turned[t as usize]);
+            for &t in &patch {
+                turned[t as usize] = !turned[t as usize];
+            }
         }
     }
     (turned, cuts)
@@ -170,7 +180,11 @@ fn sort_around(
         let v = at(apex(triangles, h)) - low;
         v - axis * v.dot(axis)
     };
-    let x = edge.iter().map(|&h| across(h)).find(|w| w.length_squared() > 0.0).unwrap_or(DVec3::X);
+    let x = edge
+        .iter()
+        .map(|&h| across(h))
+        .find(|w| w.length_squared() > 0.0)
+        .unwrap_or(DVec3::X);
     let y = axis.cross(x);
     faces.clear();
     faces.extend(edge.iter().map(|&h| {
@@ -223,10 +237,18 @@ fn turn(triangles: &mut [[u32; 3]], twins: &mut [u32], turned: &[bool]) {
         return;
     }
     // (a, b, c) becomes (a, c, b): half-edge 0 (a→b) is now 2 (b→a), and so on.
-    let renamed = |h: u32| if h != NONE && turned[h as usize / 3] { 3 * (h / 3) + 2 - h % 3 } else { h };
+    let renamed = |h: u32| {
+        if h != NONE && turned[h as usize / 3] {
+            3 * (h / 3) + 2 - h % 3
+        } else {
+            h
+        }
+    };
     for (t, corners) in triangles.iter_mut().enumerate() {
         let own = &mut twins[3 * t..3 * t + 3];
-        own.iter_mut().for_each(|h| *h = renamed(*h));
+        for h in own.iter_mut() {
+            *h = renamed(*h);
+        }
         if turned[t] {
             corners.swap(1, 2);
             own.swap(0, 2);

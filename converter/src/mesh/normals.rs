@@ -49,7 +49,10 @@ fn share_among_copies(origin: &[u32], sums: &mut [DVec3]) {
         if copies.len() == 1 {
             continue;
         }
-        let own: Vec<DVec3> = copies.iter().map(|&v| unit(sums[v as usize]).unwrap_or(DVec3::ZERO)).collect();
+        let own: Vec<DVec3> = copies
+            .iter()
+            .map(|&v| unit(sums[v as usize]).unwrap_or(DVec3::ZERO))
+            .collect();
         let mut sheets = UnionFind::new(copies.len());
         for i in 0..copies.len() {
             for j in 0..i {
@@ -59,8 +62,16 @@ fn share_among_copies(origin: &[u32], sums: &mut [DVec3]) {
             }
         }
         let mut shared = vec![DVec3::ZERO; copies.len()];
-        let roots: Vec<usize> = (0..copies.len()).map(|i| sheets.find(id(i)) as usize).collect();
-        let sense = |i: usize, root: usize| if own[i].dot(own[root]) < 0.0 { -1.0 } else { 1.0 };
+        let roots: Vec<usize> = (0..copies.len())
+            .map(|i| sheets.find(id(i)) as usize)
+            .collect();
+        let sense = |i: usize, root: usize| {
+            if own[i].dot(own[root]) < 0.0 {
+                -1.0
+            } else {
+                1.0
+            }
+        };
         for (i, &root) in roots.iter().enumerate() {
             shared[root] += sums[copies[i] as usize] * sense(i, root);
         }

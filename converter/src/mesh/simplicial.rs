@@ -23,11 +23,16 @@ pub(super) fn make_simplicial(mesh: &mut ManifoldMesh, next_origin: u32) -> usiz
         }
         halved += chosen.len();
         for h in chosen {
-            let [a, b] = [h, next(h)].map(|h| mesh.triangles[h as usize / 3][h as usize % 3] as usize);
-            let ends = (mesh.origin[a].min(mesh.origin[b]), mesh.origin[a].max(mesh.origin[b]));
+            let [a, b] =
+                [h, next(h)].map(|h| mesh.triangles[h as usize / 3][h as usize % 3] as usize);
+            let ends = (
+                mesh.origin[a].min(mesh.origin[b]),
+                mesh.origin[a].max(mesh.origin[b]),
+            );
             let fresh = next_origin + id(origins.len());
             mesh.origin.push(*origins.entry(ends).or_insert(fresh));
-            mesh.positions.push(mesh.positions[a] * 0.5 + mesh.positions[b] * 0.5);
+            mesh.positions
+                .push(mesh.positions[a] * 0.5 + mesh.positions[b] * 0.5);
             if !mesh.colours.is_empty() {
                 let (p, q) = (mesh.colours[a], mesh.colours[b]);
                 mesh.colours.push([0, 1, 2].map(|k| p[k].midpoint(q[k])));
@@ -48,7 +53,9 @@ fn offending(mesh: &ManifoldMesh) -> Vec<u32> {
             [_] => continue,
             [g, h] if twin(g) == h => {
                 let pillow = apex(&mesh.triangles, g) == apex(&mesh.triangles, h)
-                    && [next(g), previous(g)].iter().all(|&i| twin(i) != NONE && twin(i) / 3 == h / 3);
+                    && [next(g), previous(g)]
+                        .iter()
+                        .all(|&i| twin(i) != NONE && twin(i) / 3 == h / 3);
                 if !pillow {
                     continue;
                 }
@@ -60,7 +67,9 @@ fn offending(mesh: &ManifoldMesh) -> Vec<u32> {
         for h in one_of_each.skip(kept) {
             let faces = [h / 3, if twin(h) == NONE { h / 3 } else { twin(h) / 3 }];
             if faces.iter().all(|&t| !touched[t as usize]) {
-                faces.iter().for_each(|&t| touched[t as usize] = true);
+                for t in faces {
+                    touched[t as usize] = true;
+                }
                 chosen.push(h);
             }
         }

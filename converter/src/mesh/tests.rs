@@ -37,8 +37,14 @@ proptest! {
 #[test]
 fn boundary_loops_are_simple() {
     // A fan whose border comes back to its centre: the centre is split, so no loop visits a vertex twice.
-    let positions = (0..7).map(|i| DVec3::new(f64::from(i), f64::from(i * i % 5), 0.0)).collect();
-    let imported = ImportedMesh { positions, colours: Vec::new(), triangles: vec![[0, 1, 2], [0, 3, 4], [0, 5, 6], [0, 2, 3]] };
+    let positions = (0..7)
+        .map(|i| DVec3::new(f64::from(i), f64::from(i * i % 5), 0.0))
+        .collect();
+    let imported = ImportedMesh {
+        positions,
+        colours: Vec::new(),
+        triangles: vec![[0, 1, 2], [0, 3, 4], [0, 5, 6], [0, 2, 3]],
+    };
     let (mesh, _) = prepare(imported).unwrap();
     let mut borders = vec![0; mesh.positions.len()];
     for (h, _) in (0..).zip(&mesh.twins).filter(|(_, t)| **t == NONE) {
@@ -55,7 +61,11 @@ fn normals_of_a_sphere_point_from_its_centre() {
         let polar = f64::from(r + 1) / f64::from(rings + 1) * std::f64::consts::PI;
         for c in 0..columns {
             let a = f64::from(c * c) / f64::from(columns * columns) * std::f64::consts::TAU;
-            positions.push(DVec3::new(polar.sin() * a.cos(), polar.sin() * a.sin(), polar.cos()));
+            positions.push(DVec3::new(
+                polar.sin() * a.cos(),
+                polar.sin() * a.sin(),
+                polar.cos(),
+            ));
         }
     }
     let at = |r: u32, c: u32| 2 + r * columns + c % columns;
@@ -63,12 +73,20 @@ fn normals_of_a_sphere_point_from_its_centre() {
         triangles.push([0, at(0, c), at(0, c + 1)]);
         triangles.push([1, at(rings - 1, c + 1), at(rings - 1, c)]);
         for r in 0..rings - 1 {
-            triangles.extend([[at(r, c), at(r + 1, c), at(r + 1, c + 1)], [at(r, c), at(r + 1, c + 1), at(r, c + 1)]]);
+            triangles.extend([
+                [at(r, c), at(r + 1, c), at(r + 1, c + 1)],
+                [at(r, c), at(r + 1, c + 1), at(r, c + 1)],
+            ]);
         }
     }
     for scale in [1e-20, 1.0, 1e20] {
         let positions = positions.iter().map(|p| *p * scale).collect();
-        let (mesh, account) = prepare(ImportedMesh { positions, colours: Vec::new(), triangles: triangles.clone() }).unwrap();
+        let (mesh, account) = prepare(ImportedMesh {
+            positions,
+            colours: Vec::new(),
+            triangles: triangles.clone(),
+        })
+        .unwrap();
         assert_eq!((mesh.check(), account.check()), (Ok(()), Ok(())));
         for (p, n) in mesh.positions.iter().zip(&mesh.normals) {
             assert!(n.distance(*p / scale) < 1e-6, "{p} {n}");

@@ -127,7 +127,10 @@ fn compact(
             }
         }
         let mean = |s: u64, n: u64| u8::try_from((s + n / 2) / n.max(1)).unwrap_or(u8::MAX);
-        welded.colours = sums.iter().map(|s| [0, 1, 2].map(|k| mean(s[k], s[3]))).collect();
+        welded.colours = sums
+            .iter()
+            .map(|s| [0, 1, 2].map(|k| mean(s[k], s[3])))
+            .collect();
     }
     welded
 }
@@ -149,8 +152,11 @@ fn hash(words: [u64; 3]) -> u64 {
 fn first_equal(positions: &[DVec3]) -> Vec<u32> {
     /// Runs of equal hashes longer than this are sorted by position, lest crafted input take quadratic time.
     const LONG: usize = 32;
-    let mut order: Vec<(u64, u32)> =
-        positions.par_iter().enumerate().map(|(i, &p)| (hash(bits(p)), id(i))).collect();
+    let mut order: Vec<(u64, u32)> = positions
+        .par_iter()
+        .enumerate()
+        .map(|(i, &p)| (hash(bits(p)), id(i)))
+        .collect();
     order.par_sort_unstable();
     let mut first: Vec<u32> = (0..id(positions.len())).collect();
     let at = |i: u32| bits(positions[i as usize]);
@@ -159,7 +165,9 @@ fn first_equal(positions: &[DVec3]) -> Vec<u32> {
             let mut members: Vec<u32> = run.iter().map(|r| r.1).collect();
             members.sort_unstable_by_key(|&i| (at(i), i));
             for same in members.chunk_by(|&a, &b| at(a) == at(b)) {
-                same.iter().for_each(|&i| first[i as usize] = same[0]);
+                for &i in same {
+                    first[i as usize] = same[0];
+                }
             }
         } else {
             for (k, &(_, i)) in run.iter().enumerate() {
@@ -184,10 +192,17 @@ fn first_within(positions: &[DVec3], tolerance: f64) -> Vec<u32> {
         return (0..id(positions.len())).collect();
     }
     for grid in 0..8_u32 {
-        let shift = DVec3::new(f64::from(grid & 1), f64::from(grid >> 1 & 1), f64::from(grid >> 2 & 1)) / 2.0;
+        let shift = DVec3::new(
+            f64::from(grid & 1),
+            f64::from(grid >> 1 & 1),
+            f64::from(grid >> 2 & 1),
+        ) / 2.0;
         let cell = |p: DVec3| hash(bits((p / (4.0 * tolerance) + shift).floor()));
-        let mut order: Vec<(u64, u32)> =
-            positions.par_iter().enumerate().map(|(i, &p)| (cell(p), id(i))).collect();
+        let mut order: Vec<(u64, u32)> = positions
+            .par_iter()
+            .enumerate()
+            .map(|(i, &p)| (cell(p), id(i)))
+            .collect();
         order.par_sort_unstable();
         for run in order.chunk_by(|a, b| a.0 == b.0) {
             for (k, &(_, i)) in run.iter().enumerate() {

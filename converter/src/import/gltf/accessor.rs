@@ -26,7 +26,10 @@ struct Layout {
 impl Document {
     fn accessor(&self, index: Index<Accessor>) -> Result<&Accessor, ParseError> {
         let i = index.value();
-        self.root.accessors.get(i).ok_or_else(|| fault(format!("there is no accessor {i}")))
+        self.root
+            .accessors
+            .get(i)
+            .ok_or_else(|| fault(format!("there is no accessor {i}")))
     }
 
     /// Reads positions or colours; `normalized` integers are scaled to 0..=1 or −1..=1.
@@ -37,12 +40,20 @@ impl Document {
             return Err(bad("unknown component type"));
         };
         let width = match accessor.type_ {
-            Checked::Valid(t @ (Type::Scalar | Type::Vec2 | Type::Vec3 | Type::Vec4)) => t.multiplicity(),
+            Checked::Valid(t @ (Type::Scalar | Type::Vec2 | Type::Vec3 | Type::Vec4)) => {
+                t.multiplicity()
+            }
             _ => return Err(bad("neither a number nor a vector")),
         };
         let component = component.0;
-        let count = self.bounded(accessor.count).ok_or_else(|| bad("more elements than the buffers have bytes"))?;
-        let scale = if accessor.normalized { unit_scale(component) } else { 1.0 };
+        let count = self
+            .bounded(accessor.count)
+            .ok_or_else(|| bad("more elements than the buffers have bytes"))?;
+        let scale = if accessor.normalized {
+            unit_scale(component)
+        } else {
+            1.0
+        };
         let size = width * component.size();
         let mut values = match accessor.buffer_view {
             None => vec![0.0; count * width],
@@ -60,17 +71,35 @@ impl Document {
             let outside = || bad("its sparse part does not lie within its buffer");
             let changed = self.bounded(sparse.count).ok_or_else(outside)?;
             let (bytes, layout) = self
-                .view(sparse.indices.buffer_view, Some(sparse.indices.byte_offset), index_type.0.size(), changed, false)
+                .view(
+                    sparse.indices.buffer_view,
+                    Some(sparse.indices.byte_offset),
+                    index_type.0.size(),
+                    changed,
+                    false,
+                )
                 .ok_or_else(outside)?;
             let indices = numbers(bytes, layout, index_type.0, 1.0);
             let (bytes, layout) = self
-                .view(sparse.values.buffer_view, Some(sparse.values.byte_offset), size, changed, false)
+                .view(
+                    sparse.values.buffer_view,
+                    Some(sparse.values.byte_offset),
+                    size,
+                    changed,
+                    false,
+                )
                 .ok_or_else(outside)?;
             let replacements = numbers(bytes, layout, component, scale);
             for (i, new) in indices.iter().zip(replacements.chunks_exact(width)) {
-                #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "was an unsigned integer of at most 32 bits")]
+                #[expect(
+                    clippy::cast_possible_truncation,
+                    clippy::cast_sign_loss,
+                    reason = "was an unsigned integer of at most 32 bits"
+                )]
                 let at = *i as usize * width;
-                let old = values.get_mut(at..at + width).ok_or_else(|| bad("a sparse index is out of range"))?;
+                let old = values
+                    .get_mut(at..at + width)
+                    .ok_or_else(|| bad("a sparse index is out of range"))?;
                 old.copy_from_slice(new);
             }
         }
@@ -82,21 +111,33 @@ impl Document {
         let accessor = self.accessor(index)?;
         let bad = |cause: &str| fault(format!("accessor {}: {cause}", index.value()));
         let integers = match accessor.component_type {
-            Checked::Valid(c) => matches!(c.0, ComponentType::U8 | ComponentType::U16 | ComponentType::U32),
+            Checked::Valid(c) => matches!(
+                c.0,
+                ComponentType::U8 | ComponentType::U16 | ComponentType::U32
+            ),
             Checked::Invalid => false,
         };
-        if !integers || !matches!(accessor.type_, Checked::Valid(Type::Scalar)) || accessor.normalized {
+        if !integers
+            || !matches!(accessor.type_, Checked::Valid(Type::Scalar))
+            || accessor.normalized
+        {
             return Err(bad("indices must be unsigned integers"));
         }
         let elements = self.elements(index)?;
-        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "were unsigned integers of at most 32 bits")]
+        #[expect(
+            clippy::cast_possible_truncation,
+            clippy::cast_sign_loss,
+            reason = "were unsigned integers of at most 32 bits"
+        )]
         let indices = elements.values.iter().map(|&v| v as u32).collect();
         Ok(indices)
     }
 
     /// A count that the buffers could hold at one byte an element.
     fn bounded(&self, count: USize64) -> Option<usize> {
-        (count.0 <= self.total_bytes).then(|| usize::try_from(count.0).ok()).flatten()
+        (count.0 <= self.total_bytes)
+            .then(|| usize::try_from(count.0).ok())
+            .flatten()
     }
 
     fn view(
@@ -119,9 +160,20 @@ impl Document {
         };
         let end = match count.checked_sub(1) {
             None => offset,
-            Some(gaps) => gaps.checked_mul(stride)?.checked_add(size)?.checked_add(offset)?,
+            Some(gaps) => gaps
+                .checked_mul(stride)?
+                .checked_add(size)?
+                .checked_add(offset)?,
         };
-        (end <= bytes.len()).then_some((bytes, Layout { offset, stride, size, count }))
+        (end <= bytes.len()).then_some((
+            bytes,
+            Layout {
+                offset,
+                stride,
+                size,
+                count,
+            },
+        ))
     }
 }
 
@@ -138,7 +190,12 @@ fn unit_scale(component: ComponentType) -> f64 {
 }
 
 fn numbers(bytes: &[u8], layout: Layout, component: ComponentType, scale: f64) -> Vec<f64> {
-    let Layout { offset, stride, size, count } = layout;
+    let Layout {
+        offset,
+        stride,
+        size,
+        count,
+    } = layout;
     let mut out = Vec::with_capacity(count * size / component.size());
     for i in 0..count {
         let start = offset + i * stride;
@@ -154,7 +211,11 @@ fn numbers(bytes: &[u8], layout: Layout, component: ComponentType, scale: f64) -
             };
             let signed = matches!(component, ComponentType::I8 | ComponentType::I16);
             // The specification maps both −127 and −128 to −1.
-            out.push(if signed && scale < 1.0 { (value * scale).max(-1.0) } else { value * scale });
+            out.push(if signed && scale < 1.0 {
+                (value * scale).max(-1.0)
+            } else {
+                value * scale
+            });
         }
     }
     out

@@ -21,12 +21,17 @@ pub(super) fn read(document: &Document) -> Result<Soup, ParseError> {
     for (node, world_from_node) in reader.document.nodes()? {
         if let Some(mesh) = node.mesh {
             let i = mesh.value();
-            let mesh =
-                document.root.meshes.get(i).ok_or_else(|| fault(format!("there is no mesh {i}")))?;
+            let mesh = document
+                .root
+                .meshes
+                .get(i)
+                .ok_or_else(|| fault(format!("there is no mesh {i}")))?;
             reader.read_mesh(&mesh.primitives, world_from_node)?;
         }
     }
-    let Reader { mut soup, coloured, .. } = reader;
+    let Reader {
+        mut soup, coloured, ..
+    } = reader;
     if !coloured {
         soup.colours = Vec::new();
     }
@@ -43,17 +48,29 @@ impl Document {
         };
         let mut seen = vec![false; root.nodes.len()];
         let mut out = Vec::new();
-        let mut stack: Vec<(Index<Node>, DMat4)> =
-            roots.into_iter().rev().map(|n| (n, DMat4::IDENTITY)).collect();
+        let mut stack: Vec<(Index<Node>, DMat4)> = roots
+            .into_iter()
+            .rev()
+            .map(|n| (n, DMat4::IDENTITY))
+            .collect();
         while let Some((index, world_from_parent)) = stack.pop() {
             let i = index.value();
-            let node = root.nodes.get(i).ok_or_else(|| fault(format!("there is no node {i}")))?;
+            let node = root
+                .nodes
+                .get(i)
+                .ok_or_else(|| fault(format!("there is no node {i}")))?;
             if std::mem::replace(&mut seen[i], true) {
                 return Err(fault(format!("node {i} has two parents")));
             }
             let world_from_node = world_from_parent * local(node);
             out.push((node, world_from_node));
-            stack.extend(node.children.iter().flatten().rev().map(|&c| (c, world_from_node)));
+            stack.extend(
+                node.children
+                    .iter()
+                    .flatten()
+                    .rev()
+                    .map(|&c| (c, world_from_node)),
+            );
         }
         Ok(out)
     }
@@ -61,13 +78,21 @@ impl Document {
     /// Nodes that are nobody's child, for files without scenes.
     fn roots(&self) -> Vec<Index<Node>> {
         let mut child = vec![false; self.root.nodes.len()];
-        for c in self.root.nodes.iter().flat_map(|n| n.children.iter().flatten()) {
+        for c in self
+            .root
+            .nodes
+            .iter()
+            .flat_map(|n| n.children.iter().flatten())
+        {
             if let Some(slot) = child.get_mut(c.value()) {
                 *slot = true;
             }
         }
         let is_root = |i: &u32| child.get(*i as usize) == Some(&false);
-        (0..u32::try_from(child.len()).unwrap_or(u32::MAX)).filter(is_root).map(Index::new).collect()
+        (0..u32::try_from(child.len()).unwrap_or(u32::MAX))
+            .filter(is_root)
+            .map(Index::new)
+            .collect()
     }
 }
 
@@ -81,7 +106,11 @@ fn local(node: &Node) -> DMat4 {
     let rotation = node.rotation.map_or(DQuat::IDENTITY, |q| {
         let q = DQuat::from_array(q.0.map(f64::from));
         let length = q.length();
-        if length > 0.0 { q / length } else { DQuat::IDENTITY }
+        if length > 0.0 {
+            q / length
+        } else {
+            DQuat::IDENTITY
+        }
     });
     DMat4::from_scale_rotation_translation(scale, rotation, translation)
 }
@@ -102,29 +131,40 @@ const RECENT: usize = 16;
 type VertexKey = (usize, Option<usize>, [u32; 3]);
 
 impl Reader<'_> {
-    fn read_mesh(&mut self, primitives: &[Primitive], world_from_node: DMat4) -> Result<(), ParseError> {
+    fn read_mesh(
+        &mut self,
+        primitives: &[Primitive],
+        world_from_node: DMat4,
+    ) -> Result<(), ParseError> {
         // Exporters let many primitives share one vertex array; it is read once a node.
         let mut known: Vec<(VertexKey, u32, u32)> = Vec::new();
         for primitive in primitives {
             let Checked::Valid(mode) = primitive.mode else {
                 return Err(fault("a primitive has an unknown mode"));
             };
-            if !matches!(mode, Mode::Triangles | Mode::TriangleStrip | Mode::TriangleFan) {
+            if !matches!(
+                mode,
+                Mode::Triangles | Mode::TriangleStrip | Mode::TriangleFan
+            ) {
                 continue;
             }
             let attribute = |s| primitive.attributes.get(&Checked::Valid(s)).copied();
-            let Some(positions) = attribute(Semantic::Positions) else { continue };
+            let Some(positions) = attribute(Semantic::Positions) else {
+                continue;
+            };
             let colours = attribute(Semantic::Colors(0));
             let factor = self.factor(primitive)?;
-            self.coloured |= colours.is_some() || factor != [1.0; 3];
-            let key = (positions.value(), colours.map(|c| c.value()), factor.map(f32::to_bits));
-            let (first, count) = match known.iter().rev().take(RECENT).find(|(k, ..)| *k == key) {
-                Some(&(_, first, count)) => (first, count),
-                None => {
-                    let (first, count) = self.read_vertices(positions, colours, factor, world_from_node)?;
-                    known.push((key, first, count));
-                    (first, count)
-                }
+            let factor_bits = factor.map(f32::to_bits);
+            self.coloured |= colours.is_some() || factor_bits != [1.0_f32.to_bits(); 3];
+            let key = (positions.value(), colours.map(|c| c.value()), factor_bits);
+            let recent = known.iter().rev().take(RECENT).find(|(k, ..)| *k == key);
+            let (first, count) = if let Some(&(_, first, count)) = recent {
+                (first, count)
+            } else {
+                let (first, count) =
+                    self.read_vertices(positions, colours, factor, world_from_node)?;
+                known.push((key, first, count));
+                (first, count)
             };
             let indices = match primitive.indices {
                 Some(accessor) => self.document.indices(accessor)?,
@@ -132,7 +172,10 @@ impl Reader<'_> {
             };
             self.spend(indices.len() + 1)?;
             if let Some(&index) = indices.iter().find(|&&i| i >= count) {
-                let fault = Fault::IndexOutOfRange { index: i64::from(index), vertices: u64::from(count) };
+                let fault = Fault::IndexOutOfRange {
+                    index: i64::from(index),
+                    vertices: u64::from(count),
+                };
                 return Err(ParseError::at(Place::File, fault));
             }
             self.push_triangles(mode, &indices, first, world_from_node.determinant() < 0.0);
@@ -143,10 +186,14 @@ impl Reader<'_> {
     fn push_triangles(&mut self, mode: Mode, indices: &[u32], first: u32, mirrored: bool) {
         let mut add = |[a, b, c]: [u32; 3]| {
             let (b, c) = if mirrored { (c, b) } else { (b, c) };
-            self.soup.faces.push_triangle([first + a, first + b, first + c], Place::File);
+            self.soup
+                .faces
+                .push_triangle([first + a, first + b, first + c], Place::File);
         };
         match mode {
-            Mode::Triangles => indices.chunks_exact(3).for_each(|t| add([t[0], t[1], t[2]])),
+            Mode::Triangles => indices
+                .chunks_exact(3)
+                .for_each(|t| add([t[0], t[1], t[2]])),
             Mode::TriangleFan => {
                 let rim = indices.get(1..).unwrap_or_default();
                 rim.windows(2).for_each(|w| add([indices[0], w[0], w[1]]));
@@ -155,7 +202,11 @@ impl Reader<'_> {
                 for (i, w) in indices.windows(3).enumerate() {
                     // Repeated indices only steer the strip.
                     if w[0] != w[1] && w[1] != w[2] && w[2] != w[0] {
-                        add(if i % 2 == 0 { [w[0], w[1], w[2]] } else { [w[1], w[0], w[2]] });
+                        add(if i % 2 == 0 {
+                            [w[0], w[1], w[2]]
+                        } else {
+                            [w[1], w[0], w[2]]
+                        });
                     }
                 }
             }
@@ -164,13 +215,23 @@ impl Reader<'_> {
 
     /// Base colour factor, linear; white where a texture carries the colour.
     fn factor(&self, primitive: &Primitive) -> Result<[f32; 3], ParseError> {
-        let Some(index) = primitive.material else { return Ok([1.0; 3]) };
+        let Some(index) = primitive.material else {
+            return Ok([1.0; 3]);
+        };
         let i = index.value();
-        let material =
-            self.document.root.materials.get(i).ok_or_else(|| fault(format!("there is no material {i}")))?;
+        let material = self
+            .document
+            .root
+            .materials
+            .get(i)
+            .ok_or_else(|| fault(format!("there is no material {i}")))?;
         let pbr = &material.pbr_metallic_roughness;
         let [r, g, b, _] = pbr.base_color_factor.0;
-        Ok(if pbr.base_color_texture.is_some() { [1.0; 3] } else { [r, g, b] })
+        Ok(if pbr.base_color_texture.is_some() {
+            [1.0; 3]
+        } else {
+            [r, g, b]
+        })
     }
 
     /// Appends the vertices of a primitive; gives the id of the first and their number.
@@ -183,7 +244,10 @@ impl Reader<'_> {
     ) -> Result<(u32, u32), ParseError> {
         let points = self.document.elements(positions)?;
         if points.width != 3 {
-            return Err(fault(format!("accessor {}: positions must have three coordinates", positions.value())));
+            return Err(fault(format!(
+                "accessor {}: positions must have three coordinates",
+                positions.value()
+            )));
         }
         let count = points.values.len() / 3;
         self.spend(count)?;
@@ -191,28 +255,38 @@ impl Reader<'_> {
         vertex_id(self.soup.positions.len() + count, Place::File)?;
         // An identity must not turn −0 into 0 or infinity into NaN.
         let transform = (world_from_node != DMat4::IDENTITY).then_some(world_from_node);
-        self.soup.positions.extend(points.values.chunks_exact(3).map(|p| {
-            let p = DVec3::new(p[0], p[1], p[2]);
-            transform.map_or(p, |m| m.transform_point3(p))
-        }));
+        self.soup
+            .positions
+            .extend(points.values.chunks_exact(3).map(|p| {
+                let p = DVec3::new(p[0], p[1], p[2]);
+                transform.map_or(p, |m| m.transform_point3(p))
+            }));
         let factor = factor.map(f64::from);
         let end = self.soup.positions.len();
         if let Some(accessor) = colours {
             let rgba = self.document.elements(accessor)?;
             if rgba.width < 3 {
-                return Err(fault(format!("accessor {}: colours must have three channels", accessor.value())));
+                return Err(fault(format!(
+                    "accessor {}: colours must have three channels",
+                    accessor.value()
+                )));
             }
             let srgb = &self.srgb;
             let bytes = rgba.values.chunks_exact(rgba.width).take(count);
-            self.soup.colours.extend(bytes.map(|c| [0, 1, 2].map(|k| srgb.byte(c[k] * factor[k]))));
+            self.soup
+                .colours
+                .extend(bytes.map(|c| [0, 1, 2].map(|k| srgb.byte(c[k] * factor[k]))));
         }
-        self.soup.colours.resize(end, factor.map(|f| self.srgb.byte(f)));
+        self.soup
+            .colours
+            .resize(end, factor.map(|f| self.srgb.byte(f)));
         Ok((first, u32::try_from(count).unwrap_or(u32::MAX)))
     }
 
     fn spend(&mut self, elements: usize) -> Result<(), ParseError> {
         let left = self.budget.checked_sub(elements as u64);
-        self.budget = left.ok_or_else(|| fault("its instances add up to far more than its size suggests"))?;
+        self.budget =
+            left.ok_or_else(|| fault("its instances add up to far more than its size suggests"))?;
         Ok(())
     }
 }

@@ -23,7 +23,9 @@ fn glb(json: &str, binary: &[u8]) -> Vec<u8> {
 
 /// Four corners of a square as floats, then 0 1 2 3 as bytes at offset 48.
 fn square() -> Vec<u8> {
-    let corners = [0.0_f32, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 1.0, 1.0, 0.0];
+    let corners = [
+        0.0_f32, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 1.0, 1.0, 0.0,
+    ];
     let mut bytes: Vec<u8> = corners.iter().flat_map(|x| x.to_le_bytes()).collect();
     bytes.extend([0, 1, 2, 3]);
     bytes
@@ -42,7 +44,9 @@ fn json(node: &str, primitive: &str, more: &str) -> String {
 }
 
 fn read_glb(json: &str, binary: &[u8]) -> Result<ImportedMesh, String> {
-    import_bytes(glb(json, binary), Path::new("test.glb")).map(|(mesh, _)| mesh).map_err(|e| e.to_string())
+    import_bytes(glb(json, binary), Path::new("test.glb"))
+        .map(|(mesh, _)| mesh)
+        .map_err(|e| e.to_string())
 }
 
 #[test]
@@ -63,7 +67,11 @@ fn modes_unroll_to_triangles() {
 
 #[test]
 fn mirrored_nodes_turn_their_triangles() {
-    let mesh = read_glb(&json(r#","scale":[-1,1,1],"translation":[5,0,0]"#, "", ""), &square()).unwrap();
+    let mesh = read_glb(
+        &json(r#","scale":[-1,1,1],"translation":[5,0,0]"#, "", ""),
+        &square(),
+    )
+    .unwrap();
     assert_eq!(mesh.positions[1], DVec3::new(4.0, 0.0, 0.0));
     assert_eq!(mesh.triangles, [[0, 2, 1]]);
     let turned = read_glb(&json(r#","rotation":[0,0,1,0]"#, "", ""), &square()).unwrap();
@@ -77,7 +85,10 @@ fn quantized_positions_are_scaled() {
         .replace(r#""componentType":5126,"count":4"#, r#""componentType":5122,"normalized":true,"count":3"#)
         .replace(r#""byteLength":48}"#, r#""byteLength":48,"byteStride":8}"#);
     let mut bytes = square();
-    for (i, p) in [[0_i16, 0, 0], [32767, 0, 0], [0, -32768, 0]].iter().enumerate() {
+    for (i, p) in [[0_i16, 0, 0], [32767, 0, 0], [0, -32768, 0]]
+        .iter()
+        .enumerate()
+    {
         for (k, c) in p.iter().enumerate() {
             bytes[8 * i + 2 * k..8 * i + 2 * k + 2].copy_from_slice(&c.to_le_bytes());
         }
@@ -88,7 +99,11 @@ fn quantized_positions_are_scaled() {
 
 #[test]
 fn colours_come_from_vertices_and_materials() {
-    let coloured = json("", r#","material":0"#, r#","materials":[{"pbrMetallicRoughness":{"baseColorFactor":[1,0.5,0,1]}}]"#);
+    let coloured = json(
+        "",
+        r#","material":0"#,
+        r#","materials":[{"pbrMetallicRoughness":{"baseColorFactor":[1,0.5,0,1]}}]"#,
+    );
     let mesh = read_glb(&coloured, &square()).unwrap();
     assert_eq!(mesh.colours, [[255, 188, 0]; 4]);
     let both = coloured
@@ -115,11 +130,16 @@ fn buffers_may_be_embedded_or_lie_beside() {
     let folder = tempfile::tempdir().unwrap();
     std::fs::write(folder.path().join("a b.bin"), square()).unwrap();
     let path = folder.path().join("scene.gltf");
-    let beside = json("", "", "").replace(r#"{"byteLength":52}"#, r#"{"byteLength":52,"uri":"a%20b.bin"}"#);
+    let beside = json("", "", "").replace(
+        r#"{"byteLength":52}"#,
+        r#"{"byteLength":52,"uri":"a%20b.bin"}"#,
+    );
     let (mesh, report) = import_bytes(beside.clone().into_bytes(), &path).unwrap();
     assert_eq!(mesh.triangles.len(), 1);
     assert_eq!(report.bytes, beside.len() as u64 + 52);
-    let missing = import_bytes(beside.replace("a%20b", "c").into_bytes(), &path).unwrap_err().to_string();
+    let missing = import_bytes(beside.replace("a%20b", "c").into_bytes(), &path)
+        .unwrap_err()
+        .to_string();
     assert!(missing.contains("c.bin"), "{missing}");
 }
 
@@ -132,7 +152,10 @@ fn compressed_geometry_is_refused_by_name() {
     ] {
         let text = json("", "", &format!(r#","extensionsRequired":["{extension}"]"#));
         let error = read_glb(&text, &square()).unwrap_err();
-        assert!(error.contains(part) && error.contains("not supported"), "{error}");
+        assert!(
+            error.contains(part) && error.contains("not supported"),
+            "{error}"
+        );
     }
     let text = json("", "", r#","extensionsRequired":["KHR_materials_unlit"]"#);
     assert!(read_glb(&text, &square()).is_ok());
@@ -148,11 +171,27 @@ fn faults_in_the_json_are_named() {
         (r#""nodes":[0]"#, r#""nodes":[3]"#, "no node 3"),
         (r#""POSITION":0"#, r#""POSITION":9"#, "no accessor 9"),
         (r#""POSITION":0"#, r#""POSITION":1"#, "three coordinates"),
-        (r#""count":4,"type":"VEC3""#, r#""count":5,"type":"VEC3""#, "within its buffer"),
-        (r#""count":4,"type":"VEC3""#, r#""count":18446744073709551615,"type":"VEC3""#, "more elements"),
-        (r#""byteOffset":48,"byteLength":4"#, r#""byteOffset":48,"byteLength":5"#, "within its buffer"),
+        (
+            r#""count":4,"type":"VEC3""#,
+            r#""count":5,"type":"VEC3""#,
+            "within its buffer",
+        ),
+        (
+            r#""count":4,"type":"VEC3""#,
+            r#""count":18446744073709551615,"type":"VEC3""#,
+            "more elements",
+        ),
+        (
+            r#""byteOffset":48,"byteLength":4"#,
+            r#""byteOffset":48,"byteLength":5"#,
+            "within its buffer",
+        ),
         (r#""byteLength":52"#, r#""byteLength":60"#, "announces 60"),
-        (r#""count":4,"type":"VEC3""#, r#""count":3,"type":"VEC3""#, "refers to vertex 3, but there are 3"),
+        (
+            r#""count":4,"type":"VEC3""#,
+            r#""count":3,"type":"VEC3""#,
+            "refers to vertex 3, but there are 3",
+        ),
         (r#""version":"2.0""#, r#""version":"2.0"#, "JSON"),
     ] {
         let good = json("", r#","indices":1,"mode":5"#, "");
@@ -167,7 +206,9 @@ fn faults_in_the_json_are_named() {
 fn a_cut_glb_is_refused() {
     let file = glb(&json("", "", ""), &square());
     for end in 4..file.len() {
-        let error = import_bytes(file[..end].to_vec(), Path::new("a.glb")).unwrap_err().to_string();
+        let error = import_bytes(file[..end].to_vec(), Path::new("a.glb"))
+            .unwrap_err()
+            .to_string();
         assert!(error.contains("ends early"), "{end}: {error}");
     }
 }
@@ -177,9 +218,15 @@ fn instances_cannot_multiply_without_end() {
     let nodes: Vec<String> = (0..4000).map(|_| r#"{"mesh":0}"#.to_owned()).collect();
     let roots: Vec<String> = (0..4000).map(|i| i.to_string()).collect();
     let text = json("", "", "")
-        .replace(r#""nodes":[0]"#, &format!(r#""nodes":[{}]"#, roots.join(",")))
+        .replace(
+            r#""nodes":[0]"#,
+            &format!(r#""nodes":[{}]"#, roots.join(",")),
+        )
         .replace(r#"{"mesh":0}"#, &nodes.join(","))
-        .replace(r#""count":4,"type":"VEC3""#, r#""count":30000,"type":"VEC3""#)
+        .replace(
+            r#""count":4,"type":"VEC3""#,
+            r#""count":30000,"type":"VEC3""#,
+        )
         .replace(r#""byteLength":48"#, r#""byteLength":360000"#)
         .replace(r#""byteLength":52"#, r#""byteLength":360000"#);
     let error = read_glb(&text, &vec![0; 360_000]).unwrap_err();

@@ -10,6 +10,11 @@ pub(super) trait Body {
 
     fn place(&self) -> Place;
 
+    /// The place of the number that comes next.
+    fn next_place(&mut self) -> Place {
+        self.place()
+    }
+
     /// Bytes not yet read.
     fn remaining(&self) -> u64;
 
@@ -18,30 +23,50 @@ pub(super) trait Body {
 
     /// Reads the number of items of a list and checks that so many can follow.
     fn list_length(&mut self, length: Scalar, item: Scalar) -> Result<u64, ParseError> {
-        let place = self.place();
+        let place = self.next_place();
         let n = self.scalar(length)?;
         if !(n >= 0.0 && n.fract() == 0.0) {
-            return Err(ParseError::syntax(place, format!("{n} is no length for a list")));
+            return Err(ParseError::syntax(
+                place,
+                format!("{n} is no length for a list"),
+            ));
         }
-        let item = Property { name: String::new(), scalar: item, list: None };
+        let item = Property {
+            name: String::new(),
+            scalar: item,
+            list: None,
+        };
         if n * self.least_bytes(&item) as f64 > self.remaining() as f64 + 1.0 {
-            let missing = format!("a list of {n} numbers follows, but {} bytes are left", self.remaining());
+            let missing = format!(
+                "a list of {n} numbers follows, but {} bytes are left",
+                self.remaining()
+            );
             return Err(ParseError::truncated(place, missing));
         }
-        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "checked: an integer, no more than the bytes left")]
+        #[expect(
+            clippy::cast_possible_truncation,
+            clippy::cast_sign_loss,
+            reason = "checked: an integer, no more than the bytes left"
+        )]
         let n = n as u64;
         Ok(n)
     }
 
     /// Reads an integer, such as the index of a vertex.
     fn index(&mut self, scalar: Scalar) -> Result<i64, ParseError> {
-        let place = self.place();
+        let place = self.next_place();
         let value = self.scalar(scalar)?;
         // Also keeps the cast below exact.
         if value.fract() != 0.0 || value.abs() > 1e15 || !value.is_finite() {
-            return Err(ParseError::syntax(place, format!("{value} is no index of a vertex")));
+            return Err(ParseError::syntax(
+                place,
+                format!("{value} is no index of a vertex"),
+            ));
         }
-        #[expect(clippy::cast_possible_truncation, reason = "checked: an integer below 2^53")]
+        #[expect(
+            clippy::cast_possible_truncation,
+            reason = "checked: an integer below 2^53"
+        )]
         let index = value as i64;
         Ok(index)
     }
@@ -53,7 +78,9 @@ pub(super) struct Ascii<'a> {
 
 impl<'a> Ascii<'a> {
     pub(super) fn new(text: &'a [u8], line: u64) -> Self {
-        Self { words: Words::new(text, line) }
+        Self {
+            words: Words::new(text, line),
+        }
     }
 
     /// Words left over mean that some record had more than its properties.
@@ -61,7 +88,10 @@ impl<'a> Ascii<'a> {
         match self.words.next() {
             None => Ok(()),
             Some(word) => {
-                let cause = format!("{} follows the last element that the header announces", quoted(word));
+                let cause = format!(
+                    "{} follows the last element that the header announces",
+                    quoted(word)
+                );
                 Err(ParseError::syntax(self.place(), cause))
             }
         }
@@ -72,11 +102,19 @@ impl Body for Ascii<'_> {
     fn scalar(&mut self, _: Scalar) -> Result<f64, ParseError> {
         match self.words.next() {
             Some(word) => number(word, self.words.place(), "a property"),
-            None => Err(ParseError::truncated(self.place(), "elements that the header announces are missing")),
+            None => Err(ParseError::truncated(
+                self.place(),
+                "elements that the header announces are missing",
+            )),
         }
     }
 
     fn place(&self) -> Place {
+        self.words.place()
+    }
+
+    fn next_place(&mut self) -> Place {
+        self.words.skip_space();
         self.words.place()
     }
 
@@ -101,8 +139,15 @@ impl<'a, const BIG_ENDIAN: bool> Binary<'a, BIG_ENDIAN> {
 
     #[inline]
     fn take<const N: usize>(&mut self) -> Result<[u8; N], ParseError> {
-        let Some(bytes) = self.file.get(self.at..).and_then(|rest| rest.first_chunk::<N>()) else {
-            return Err(ParseError::truncated(self.place(), "elements that the header announces are missing"));
+        let Some(bytes) = self
+            .file
+            .get(self.at..)
+            .and_then(|rest| rest.first_chunk::<N>())
+        else {
+            return Err(ParseError::truncated(
+                self.place(),
+                "elements that the header announces are missing",
+            ));
         };
         self.at += N;
         let mut bytes = *bytes;

@@ -79,13 +79,25 @@ pub(super) struct Header {
 impl Header {
     pub(super) fn parse(bytes: &[u8]) -> Result<Self, ParseError> {
         // Old Mac files end lines with `\r` alone.
-        let end = if bytes.get(3) == Some(&b'\r') && bytes.get(4) != Some(&b'\n') { b'\r' } else { b'\n' };
+        let end = if bytes.get(3) == Some(&b'\r') && bytes.get(4) != Some(&b'\n') {
+            b'\r'
+        } else {
+            b'\n'
+        };
         let mut encoding = None;
         let mut elements: Vec<Element> = Vec::new();
         let mut at = 0;
         for number in 1.. {
             let place = Place::Line(number);
-            let bad = |cause: String| ParseError::at(place, Fault::Header { format: "PLY", cause });
+            let bad = |cause: String| {
+                ParseError::at(
+                    place,
+                    Fault::Header {
+                        format: "PLY",
+                        cause,
+                    },
+                )
+            };
             let Some(length) = bytes[at..].iter().position(|&b| b == end) else {
                 // A header-only file need not end its last line.
                 if bytes[at..].trim_ascii() != b"end_header" {
@@ -103,15 +115,24 @@ impl Header {
                         Some(b"ascii") => Encoding::Ascii,
                         Some(b"binary_little_endian") => Encoding::LittleEndian,
                         Some(b"binary_big_endian") => Encoding::BigEndian,
-                        other => return Err(bad(format!("unknown format {}", quoted(other.unwrap_or_default())))),
+                        other => {
+                            return Err(bad(format!(
+                                "unknown format {}",
+                                quoted(other.unwrap_or_default())
+                            )));
+                        }
                     });
                 }
-                Some(b"element") => elements.push(
-                    element(word).ok_or_else(|| bad(format!("{} is not \"element NAME COUNT\"", quoted(line))))?,
-                ),
+                Some(b"element") => elements.push(element(word).ok_or_else(|| {
+                    bad(format!("{} is not \"element NAME COUNT\"", quoted(line)))
+                })?),
                 Some(b"property") => {
-                    let property = property(word)
-                        .ok_or_else(|| bad(format!("{} is not a property with known types", quoted(line))))?;
+                    let property = property(word).ok_or_else(|| {
+                        bad(format!(
+                            "{} is not a property with known types",
+                            quoted(line)
+                        ))
+                    })?;
                     let element = elements
                         .last_mut()
                         .ok_or_else(|| bad("a property comes before any element".to_owned()))?;
@@ -131,13 +152,24 @@ impl Header {
         body_line: u64,
     ) -> Result<Self, ParseError> {
         let bad = |cause: &str| {
-            ParseError::at(Place::File, Fault::Header { format: "PLY", cause: cause.to_owned() })
+            ParseError::at(
+                Place::File,
+                Fault::Header {
+                    format: "PLY",
+                    cause: cause.to_owned(),
+                },
+            )
         };
         let encoding = encoding.ok_or_else(|| bad("it has no line format"))?;
         if !elements.iter().any(|e| e.name == "vertex") {
             return Err(bad("it has no element vertex"));
         }
-        Ok(Self { encoding, elements, body, body_line })
+        Ok(Self {
+            encoding,
+            elements,
+            body,
+            body_line,
+        })
     }
 }
 
@@ -148,7 +180,11 @@ fn name(word: &[u8]) -> String {
 fn element<'a>(mut word: impl Iterator<Item = &'a [u8]>) -> Option<Element> {
     let name = name(word.next()?);
     let count = std::str::from_utf8(word.next()?).ok()?.parse().ok()?;
-    Some(Element { name, count, properties: Vec::new() })
+    Some(Element {
+        name,
+        count,
+        properties: Vec::new(),
+    })
 }
 
 fn property<'a>(mut word: impl Iterator<Item = &'a [u8]>) -> Option<Property> {
@@ -156,7 +192,15 @@ fn property<'a>(mut word: impl Iterator<Item = &'a [u8]>) -> Option<Property> {
     if first == b"list" {
         let list = Some(Scalar::parse(word.next()?)?);
         let scalar = Scalar::parse(word.next()?)?;
-        return Some(Property { name: name(word.next()?), scalar, list });
+        return Some(Property {
+            name: name(word.next()?),
+            scalar,
+            list,
+        });
     }
-    Some(Property { scalar: Scalar::parse(first)?, name: name(word.next()?), list: None })
+    Some(Property {
+        scalar: Scalar::parse(first)?,
+        name: name(word.next()?),
+        list: None,
+    })
 }

@@ -1,7 +1,9 @@
 use super::*;
 
-/// Triangles and positions of a whole file.
-fn read_all(bytes: &[u8]) -> Result<(Vec<DVec3>, Vec<[u8; 3]>, Vec<[u32; 3]>), ParseError> {
+type Mesh = (Vec<DVec3>, Vec<[u8; 3]>, Vec<[u32; 3]>);
+
+/// Positions, colours and triangles of a whole file.
+fn read_all(bytes: &[u8]) -> Result<Mesh, ParseError> {
     let soup = parse(bytes)?;
     let (triangles, _) = soup.faces.triangulate(&soup.positions)?;
     Ok((soup.positions, soup.colours, triangles))
@@ -18,7 +20,12 @@ fn header(format: &str) -> String {
 }
 
 fn binary(big_endian: bool) -> Vec<u8> {
-    let mut file = header(if big_endian { "binary_big_endian" } else { "binary_little_endian" }).into_bytes();
+    let mut file = header(if big_endian {
+        "binary_big_endian"
+    } else {
+        "binary_little_endian"
+    })
+    .into_bytes();
     let mut put = |bytes: &[u8]| {
         if big_endian {
             file.extend(bytes.iter().rev());
@@ -31,7 +38,9 @@ fn binary(big_endian: bool) -> Vec<u8> {
     put(&(-1_i16).to_le_bytes());
     put(&7_i16.to_le_bytes());
     for (x, y) in [(0_i16, 0.0_f32), (2, 0.0), (2, 0.5), (0, 0.5)] {
-        [10, 20, 30].iter().for_each(|c| put(&[*c]));
+        for channel in [10, 20, 30] {
+            put(&[channel]);
+        }
         put(&0.25_f64.to_le_bytes());
         put(&[1]);
         put(&[0xff]);
@@ -40,13 +49,16 @@ fn binary(big_endian: bool) -> Vec<u8> {
     }
     put(&1.5_f32.to_le_bytes());
     put(&4_u32.to_le_bytes());
-    (0..4_u32).for_each(|i| put(&i.to_le_bytes()));
+    for i in 0..4_u32 {
+        put(&i.to_le_bytes());
+    }
     file
 }
 
 #[test]
 fn all_encodings_give_the_same_mesh() {
-    let text = header("ascii") + "45 2 -1 7\n10 20 30 0.25 1 -1 0 0\n10 20 30 0.25 1 -1 0 2\n10 20 30 0.25 1 -1 0.5 2\n\
+    let text = header("ascii")
+        + "45 2 -1 7\n10 20 30 0.25 1 -1 0 0\n10 20 30 0.25 1 -1 0 2\n10 20 30 0.25 1 -1 0.5 2\n\
                                   10 20 30 0.25 1 -1 0.5 0\n1.5 4 0 1 2 3\n";
     let expected = read_all(text.as_bytes()).unwrap();
     assert_eq!(expected.0[2], DVec3::new(2.0, 0.5, 0.25));
@@ -54,8 +66,14 @@ fn all_encodings_give_the_same_mesh() {
     assert_eq!(expected.2, [[0, 1, 2], [0, 2, 3]]);
     assert_eq!(read_all(&binary(false)).unwrap(), expected);
     assert_eq!(read_all(&binary(true)).unwrap(), expected);
-    assert_eq!(read_all(text.replace('\n', "\r\n").as_bytes()).unwrap(), expected);
-    assert_eq!(read_all(text.replace('\n', "\r").as_bytes()).unwrap(), expected);
+    assert_eq!(
+        read_all(text.replace('\n', "\r\n").as_bytes()).unwrap(),
+        expected
+    );
+    assert_eq!(
+        read_all(text.replace('\n', "\r").as_bytes()).unwrap(),
+        expected
+    );
 }
 
 #[test]
@@ -73,7 +91,8 @@ fn every_cut_of_a_binary_file_is_refused() {
 fn strips_alternate_and_restart() {
     let head = "ply\nformat ascii 1.0\nelement vertex 5\nproperty float x\nproperty float y\nproperty float z\n\
                 element tristrips 1\nproperty list int int vertex_indices\nend_header\n0 0 0\n1 0 0\n0 1 0\n1 1 0\n2 2 0\n";
-    let (_, _, triangles) = read_all(format!("{head}11 0 1 2 3 -1 1 2 4 -1 0 1\n").as_bytes()).unwrap();
+    let (_, _, triangles) =
+        read_all(format!("{head}11 0 1 2 3 -1 1 2 4 -1 0 1\n").as_bytes()).unwrap();
     assert_eq!(triangles, [[0, 1, 2], [2, 1, 3], [1, 2, 4]]);
     // A repeated index turns the strip and is no triangle itself.
     let (_, _, triangles) = read_all(format!("{head}5 0 1 2 2 3\n").as_bytes()).unwrap();
@@ -118,18 +137,38 @@ fn faults_name_their_place() {
     assert!(read_all(good.as_bytes()).is_ok());
     for (from, to, place, part) in [
         ("1 0 0\n", "1 zero 0\n", Place::Line(11), "zero"),
-        ("3 0 1 2", "3 0 1 3", Place::Line(12), "vertex 3, but there are 3"),
-        ("3 0 1 2", "3 0 -1 2", Place::Line(12), "vertex -1"),
+        (
+            "3 0 1 2",
+            "3 0 1 3",
+            Place::Line(13),
+            "vertex 3, but there are 3",
+        ),
+        ("3 0 1 2", "3 0 -1 2", Place::Line(13), "vertex -1"),
         ("3 0 1 2", "3 0 1.5 2", Place::Line(13), "1.5"),
-        ("3 0 1 2\n", "3 0 1\n", Place::Line(13), "ends early"),
-        ("3 0 1 2\n", "3 0 1 2 9\n", Place::Line(13), "follows the last element"),
-        ("property float z", "property half z", Place::Line(6), "half"),
+        ("3 0 1 2\n", "3 0 1\n", Place::Line(14), "ends early"),
+        (
+            "3 0 1 2\n",
+            "3 0 1 2 9\n",
+            Place::Line(13),
+            "follows the last element",
+        ),
+        (
+            "property float z",
+            "property half z",
+            Place::Line(6),
+            "half",
+        ),
         ("format ascii", "format utf8", Place::Line(2), "utf8"),
         ("format ascii 1.0\n", "", Place::File, "no line format"),
         ("property float z\n", "", Place::File, "x, y and z"),
         ("end_header\n", "", Place::Line(9), "unknown keyword"),
         ("list uchar int", "int", Place::File, "no list"),
-        ("element vertex 3", "element points 3", Place::File, "no element vertex"),
+        (
+            "element vertex 3",
+            "element points 3",
+            Place::File,
+            "no element vertex",
+        ),
     ] {
         let text = good.replacen(from, to, 1);
         assert_ne!(text, good);

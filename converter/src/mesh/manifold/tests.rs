@@ -23,9 +23,14 @@ fn border_edges(mesh: &ManifoldMesh) -> usize {
 }
 
 fn euler(mesh: &ManifoldMesh) -> i64 {
-    let [v, f, h, b] = [mesh.positions.len(), mesh.triangles.len(), mesh.twins.len(), border_edges(mesh)]
-        .map(|n| i64::try_from(n).unwrap());
-    v - (h + b) / 2 + f
+    let [v, f, h, b] = [
+        mesh.positions.len(),
+        mesh.triangles.len(),
+        mesh.twins.len(),
+        border_edges(mesh),
+    ]
+    .map(|n| i64::try_from(n).unwrap());
+    v - i64::midpoint(h, b) + f
 }
 
 fn volume(mesh: &ManifoldMesh) -> f64 {
@@ -39,14 +44,26 @@ fn volume(mesh: &ManifoldMesh) -> f64 {
 }
 
 const TETRAHEDRON: [[u32; 3]; 4] = [[0, 2, 1], [0, 1, 3], [1, 2, 3], [2, 0, 3]];
-const CORNER: [[f64; 3]; 4] = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
+const CORNER: [[f64; 3]; 4] = [
+    [0.0, 0.0, 0.0],
+    [1.0, 0.0, 0.0],
+    [0.0, 1.0, 0.0],
+    [0.0, 0.0, 1.0],
+];
 
 /// A cube's twelve triangles, outward, on vertices numbered by bits x + 2 y + 4 z and mapped by `v`.
 fn cube(v: impl Fn(u32) -> u32) -> Vec<[u32; 3]> {
-    [[0, 2, 3, 1], [4, 5, 7, 6], [0, 1, 5, 4], [2, 6, 7, 3], [0, 4, 6, 2], [1, 3, 7, 5]]
-        .iter()
-        .flat_map(|&[a, b, c, d]: &[u32; 4]| [[v(a), v(b), v(c)], [v(a), v(c), v(d)]])
-        .collect()
+    [
+        [0, 2, 3, 1],
+        [4, 5, 7, 6],
+        [0, 1, 5, 4],
+        [2, 6, 7, 3],
+        [0, 4, 6, 2],
+        [1, 3, 7, 5],
+    ]
+    .iter()
+    .flat_map(|&[a, b, c, d]: &[u32; 4]| [[v(a), v(b), v(c)], [v(a), v(c), v(d)]])
+    .collect()
 }
 
 /// `columns` squares in a band, whose ends are glued with a half twist if `twisted`.
@@ -78,11 +95,19 @@ fn torus(n: u32, m: u32, klein: bool) -> ImportedMesh {
         for j in 0..m {
             let (a, b) = (f64::from(i) / f64::from(n), f64::from(j) / f64::from(m));
             let (a, b) = (a * std::f64::consts::TAU, b * std::f64::consts::TAU);
-            points.push([(2.0 + b.cos()) * a.cos(), (2.0 + b.cos()) * a.sin(), b.sin()]);
+            points.push([
+                (2.0 + b.cos()) * a.cos(),
+                (2.0 + b.cos()) * a.sin(),
+                b.sin(),
+            ]);
         }
     }
     let at = |i: u32, j: u32| {
-        let j = if klein && i == n { (m - j % m) % m } else { j % m };
+        let j = if klein && i == n {
+            (m - j % m) % m
+        } else {
+            j % m
+        };
         (i % n) * m + j
     };
     let mut triangles = Vec::new();
@@ -108,7 +133,13 @@ fn closed_meshes_end_up_outward_however_they_came() {
     for turned in 0..16_u32 {
         let triangles: Vec<[u32; 3]> = (0_u32..)
             .zip(TETRAHEDRON)
-            .map(|(i, [a, b, c])| if turned >> i & 1 == 1 { [a, c, b] } else { [a, b, c] })
+            .map(|(i, [a, b, c])| {
+                if turned >> i & 1 == 1 {
+                    [a, c, b]
+                } else {
+                    [a, b, c]
+                }
+            })
             .collect();
         let (m, account) = valid(mesh(&CORNER, &triangles));
         assert!((volume(&m) - 1.0 / 6.0).abs() < 1e-15);
@@ -169,10 +200,22 @@ fn klein_bottle_is_cut_open_and_a_torus_is_not() {
 
 #[test]
 fn bow_tie_becomes_two_disks_with_one_origin() {
-    let points = [[0.0; 3], [1.0, 0.0, 0.0], [1.0, 1.0, 0.0], [-1.0, 0.0, 0.0], [-1.0, -1.0, 0.0]];
+    let points = [
+        [0.0; 3],
+        [1.0, 0.0, 0.0],
+        [1.0, 1.0, 0.0],
+        [-1.0, 0.0, 0.0],
+        [-1.0, -1.0, 0.0],
+    ];
     let (m, account) = valid(mesh(&points, &[[0, 1, 2], [0, 3, 4]]));
-    assert_eq!((m.positions.len(), account.vertex_copies, m.components().1), (6, 1, 2));
-    assert_eq!((account.topology.components, account.topology.boundary_loops), (1, 1));
+    assert_eq!(
+        (m.positions.len(), account.vertex_copies, m.components().1),
+        (6, 1, 2)
+    );
+    assert_eq!(
+        (account.topology.components, account.topology.boundary_loops),
+        (1, 1)
+    );
     assert_eq!(m.origin[5], 0);
     assert_eq!(m.positions[5], m.positions[0]);
 }
@@ -186,7 +229,11 @@ fn fans_of_faces_on_one_edge_are_paired_or_cut() {
             let angle = f64::from(i) / f64::from(faces) * std::f64::consts::TAU;
             points.push([angle.cos(), angle.sin(), 0.5]);
             // Senses alternate, as around an edge where solids touch.
-            triangles.push(if i % 2 == 0 { [1, 0, i + 2] } else { [0, 1, i + 2] });
+            triangles.push(if i % 2 == 0 {
+                [1, 0, i + 2]
+            } else {
+                [0, 1, i + 2]
+            });
         }
         let (m, account) = valid(mesh(&points, &triangles));
         assert_eq!(account.topology.non_manifold_edges, 1);
@@ -224,14 +271,30 @@ fn two_sided_walls_lose_their_second_side() {
     assert_eq!((m.triangles.len(), border_edges(&m)), (2, 4));
     assert_eq!(account.lost(Reason::SecondSide).triangles, 2);
     let (m, account) = valid(mesh(&square, &[[0, 1, 2], [2, 1, 0]]));
-    assert_eq!((m.triangles.len(), account.lost(Reason::SecondSide).triangles), (1, 1));
+    assert_eq!(
+        (
+            m.triangles.len(),
+            account.lost(Reason::SecondSide).triangles
+        ),
+        (1, 1)
+    );
     let (m, account) = valid(mesh(&square, &[[0, 1, 2], [1, 2, 0], [0, 2, 3]]));
-    assert_eq!((m.triangles.len(), account.lost(Reason::Duplicate).triangles), (2, 1));
+    assert_eq!(
+        (m.triangles.len(), account.lost(Reason::Duplicate).triangles),
+        (2, 1)
+    );
     // The same closed body twice, once inside out.
     let mut both = TETRAHEDRON.to_vec();
     both.extend(TETRAHEDRON.map(|[a, b, c]| [a, c, b]));
     let (m, account) = valid(mesh(&CORNER, &both));
-    assert_eq!((m.triangles.len(), border_edges(&m), account.lost(Reason::SecondSide).triangles), (4, 0, 4));
+    assert_eq!(
+        (
+            m.triangles.len(),
+            border_edges(&m),
+            account.lost(Reason::SecondSide).triangles
+        ),
+        (4, 0, 4)
+    );
 }
 
 #[test]
@@ -241,7 +304,10 @@ fn fin_on_a_body_is_cut_off_and_the_body_stays_closed() {
     let mut triangles = TETRAHEDRON.to_vec();
     triangles.push([1, 2, 4]);
     let (m, account) = valid(mesh(&points, &triangles));
-    assert_eq!((account.cut_edges, m.components().1, border_edges(&m)), (1, 2, 3));
+    assert_eq!(
+        (account.cut_edges, m.components().1, border_edges(&m)),
+        (1, 2, 3)
+    );
     // A sphere and a disk.
     assert_eq!(euler(&m), 2 + 1);
 }
@@ -259,7 +325,14 @@ fn pillow_is_subdivided_to_a_simplicial_sphere() {
     let m = manifold(welded, &table, &mut account);
     assert_eq!(m.check(), Ok(()));
     assert_eq!((euler(&m), border_edges(&m)), (2, 0));
-    assert_eq!((m.triangles.len(), account.split_edges, account.added_triangles), (6, 2, 4));
+    assert_eq!(
+        (
+            m.triangles.len(),
+            account.split_edges,
+            account.added_triangles
+        ),
+        (6, 2, 4)
+    );
     assert_eq!(m.colours.len(), 5);
 }
 
@@ -277,23 +350,45 @@ fn pinched_edge_is_told_apart_by_halving() {
     let disk = |k: u32| {
         let r = |i: u32| 2 + k + i % 6;
         vec![
-            [0, 1, r(1)], [1, 0, r(4)], [1, r(0), r(1)], [1, r(5), r(0)], [1, r(4), r(5)],
-            [0, r(1), r(2)], [0, r(2), r(3)], [0, r(3), r(4)],
+            [0, 1, r(1)],
+            [1, 0, r(4)],
+            [1, r(0), r(1)],
+            [1, r(5), r(0)],
+            [1, r(4), r(5)],
+            [0, r(1), r(2)],
+            [0, r(2), r(3)],
+            [0, r(3), r(4)],
         ]
     };
     let mut triangles = disk(0);
     triangles.extend(disk(6));
     let (m, account) = valid(mesh(&points, &triangles));
     assert_eq!(account.topology.non_manifold_edges, 1);
-    assert_eq!((account.cut_edges, account.split_edges, account.added_triangles), (0, 1, 2));
+    assert_eq!(
+        (
+            account.cut_edges,
+            account.split_edges,
+            account.added_triangles
+        ),
+        (0, 1, 2)
+    );
     assert_eq!((border_edges(&m), m.components().1), (12, 1));
 }
 
 #[test]
 fn faces_left_alone_keep_their_place() {
     // Three faces in one sense on an edge: no wedge is closed, all are cut.
-    let points = [[0.0; 3], [0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [-1.0, 1.0, 0.0], [-1.0, -1.0, 0.0]];
+    let points = [
+        [0.0; 3],
+        [0.0, 0.0, 1.0],
+        [1.0, 0.0, 0.0],
+        [-1.0, 1.0, 0.0],
+        [-1.0, -1.0, 0.0],
+    ];
     let (m, account) = valid(mesh(&points, &[[0, 1, 2], [0, 1, 3], [0, 1, 4]]));
-    assert_eq!((account.cut_edges, m.components().1, border_edges(&m)), (3, 3, 9));
+    assert_eq!(
+        (account.cut_edges, m.components().1, border_edges(&m)),
+        (3, 3, 9)
+    );
     assert_eq!(account.vertex_copies, 4);
 }

@@ -3,8 +3,14 @@ use crate::mesh::prepare;
 
 fn soup(triangles: &[[DVec3; 3]]) -> ImportedMesh {
     let positions: Vec<DVec3> = triangles.iter().flatten().copied().collect();
-    let triangles = (0..id(triangles.len())).map(|t| [3 * t, 3 * t + 1, 3 * t + 2]).collect();
-    ImportedMesh { positions, colours: Vec::new(), triangles }
+    let triangles = (0..id(triangles.len()))
+        .map(|t| [3 * t, 3 * t + 1, 3 * t + 2])
+        .collect();
+    ImportedMesh {
+        positions,
+        colours: Vec::new(),
+        triangles,
+    }
 }
 
 /// A grid of squares, each two triangles with corners of their own, moved by `noise(corner)`.
@@ -31,7 +37,10 @@ fn jitter(seed: u32) -> f64 {
 
 #[test]
 fn minus_zero_is_zero() {
-    let mesh = soup(&[[DVec3::ZERO, DVec3::X, DVec3::Y], [-DVec3::ZERO, DVec3::Y, DVec3::NEG_X]]);
+    let mesh = soup(&[
+        [DVec3::ZERO, DVec3::X, DVec3::Y],
+        [-DVec3::ZERO, DVec3::Y, DVec3::NEG_X],
+    ]);
     let welded = exact(&mesh, &mut Account::new(&mesh));
     assert_eq!(welded.positions.len(), 4);
     assert_eq!(welded.triangles, [[0, 1, 2], [0, 2, 3]]);
@@ -40,9 +49,18 @@ fn minus_zero_is_zero() {
 #[test]
 fn weld_agrees_with_comparing_all_pairs() {
     let points: Vec<DVec3> = (0..600)
-        .map(|i| DVec3::new(f64::from(i * 7 % 5), f64::from(i * 11 % 4), f64::from(i % 3) - 1.0) * 1e-20)
+        .map(|i| {
+            DVec3::new(
+                f64::from(i * 7 % 5),
+                f64::from(i * 11 % 4),
+                f64::from(i % 3) - 1.0,
+            ) * 1e-20
+        })
         .collect();
-    let naive: Vec<u32> = points.iter().map(|p| id(points.iter().position(|q| q == p).unwrap())).collect();
+    let naive: Vec<u32> = points
+        .iter()
+        .map(|p| id(points.iter().position(|q| q == p).unwrap()))
+        .collect();
     assert_eq!(first_equal(&points), naive);
 }
 
@@ -60,13 +78,22 @@ fn what_is_not_finite_or_coincides_is_left_out_with_its_reason() {
     assert_eq!(account.lost(Reason::Degenerate).triangles, 1);
     assert_eq!(account.check(), Ok(()));
     let nothing = soup(&[[DVec3::ZERO; 3], [DVec3::NAN; 3]]);
-    let error = prepare(nothing).unwrap_err().in_file(std::path::Path::new("a.stl")).to_string();
-    assert!(error.contains("a.stl") && error.contains("1 have a corner that is not finite"), "{error}");
+    let error = prepare(nothing)
+        .unwrap_err()
+        .in_file(std::path::Path::new("a.stl"))
+        .to_string();
+    assert!(
+        error.contains("a.stl") && error.contains("1 have a corner that is not finite"),
+        "{error}"
+    );
 }
 
 #[test]
 fn colours_of_welded_vertices_are_averaged() {
-    let mut mesh = soup(&[[DVec3::ZERO, DVec3::X, DVec3::Y], [DVec3::ZERO, DVec3::Y, DVec3::NEG_X]]);
+    let mut mesh = soup(&[
+        [DVec3::ZERO, DVec3::X, DVec3::Y],
+        [DVec3::ZERO, DVec3::Y, DVec3::NEG_X],
+    ]);
     mesh.colours = vec![[0, 10, 255], [9; 3], [8; 3], [1, 20, 255], [8; 3], [7; 3]];
     let welded = exact(&mesh, &mut Account::new(&mesh));
     assert_eq!(welded.colours, [[1, 15, 255], [9; 3], [8; 3], [7; 3]]);
@@ -74,7 +101,9 @@ fn colours_of_welded_vertices_are_averaged() {
 
 #[test]
 fn failed_weld_is_repaired_within_a_tolerance() {
-    let mesh = grid(20, |i| DVec3::new(jitter(i), jitter(i + 7), jitter(i + 99)) * 2e-5);
+    let mesh = grid(20, |i| {
+        DVec3::new(jitter(i), jitter(i + 7), jitter(i + 99)) * 2e-5
+    });
     let (manifold, account) = prepare(mesh).unwrap();
     assert!(account.weld_tolerance.is_some());
     assert_eq!(manifold.positions.len(), 21 * 21);
@@ -85,19 +114,25 @@ fn failed_weld_is_repaired_within_a_tolerance() {
 
 #[test]
 fn genuine_soup_stays_as_it_is() {
-    let mesh = grid(20, |i| DVec3::new(jitter(i), jitter(i + 7), jitter(i + 99)) * 0.2);
+    let mesh = grid(20, |i| {
+        DVec3::new(jitter(i), jitter(i + 7), jitter(i + 99)) * 0.2
+    });
     let n = mesh.triangles.len();
     let (manifold, account) = prepare(mesh).unwrap();
     assert_eq!(account.weld_tolerance, None);
     assert_eq!(manifold.components().1 as usize, n);
     let clean = prepare(grid(20, |_| DVec3::ZERO)).unwrap().1;
-    assert_eq!((clean.weld_tolerance, clean.topology.boundary_loops), (None, 1));
+    assert_eq!(
+        (clean.weld_tolerance, clean.topology.boundary_loops),
+        (None, 1)
+    );
 }
 
 #[test]
 fn tolerance_weld_finds_every_close_pair() {
-    let points: Vec<DVec3> =
-        (0..400).map(|i| DVec3::new(jitter(i), jitter(i + 1000), jitter(i + 2000)) * 4.0).collect();
+    let points: Vec<DVec3> = (0..400)
+        .map(|i| DVec3::new(jitter(i), jitter(i + 1000), jitter(i + 2000)) * 4.0)
+        .collect();
     let tolerance = 0.5;
     let fast = first_within(&points, tolerance);
     let mut sets = UnionFind::new(points.len());

@@ -261,7 +261,7 @@ async function failures() {
     });
   await refused("a missing file is named so", /no such file/, "missing");
   await refused("a file of another kind is refused", /cannot be shown/, "dragon", (page) =>
-    page.route("**/files/**", (route) => route.fulfill({ status: 206, body: "<html>hello</html>".repeat(9000) })));
+    page.route("**/files/**", (route) => route.fulfill({ status: 206, body: "<html>hello</html>".repeat(999) })));
   await refused("a flipped bit at the front is found", /cannot be shown/, "dragon", (page) =>
     page.route("**/files/**", async (route) => {
       const response = await route.fetch();

@@ -7,11 +7,11 @@
 //! parametrization", 2004); the best of the maps by L² stretch (Sander et al. 2001) is kept.
 //!
 //! What the theorem promises of real numbers is checked on the rounded ones: every face is certified by an exact
-//! predicate. A map that fails is replaced by a simpler one: fewer reweights, then cotangents only, then uniform weights,
-//! then uniform weights with iterative refinement.
+//! predicate. Where no map from cotangents passes, reweighted or not, uniform weights are the next start, and then uniform
+//! weights with iterative refinement.
 //!
 //! Limits: the shapes of the sides are the borders', so a very uneven border stretches the map whatever the weights. Deep
-//! protrusions shrink exponentially in (u, v); beyond about 1e-15 of the square no weights help, and
+//! protrusions shrink exponentially in (u, v); reweighting spreads them again, but where it does not suffice
 //! [`Parametrization::flipped`] says so.
 
 mod certify;
@@ -36,6 +36,16 @@ pub(crate) use flatten::{Weights, flatten};
 
 /// Stretch reweights tried; later ones rarely gain a percent and can start to oscillate.
 const REWEIGHTS: usize = 3;
+
+/// Reweights while the stretch is above [`POOR_STRETCH`]: there each still gains much.
+const REWEIGHTS_IF_POOR: usize = 16;
+
+/// A stretch that more reweights are spent on.
+const POOR_STRETCH: f64 = 2.0;
+
+/// Reweights tried to save a map with flipped faces. Along a tube each lowers the exponent of its shrinking to 0.41 of
+/// what it was, as far as digits reach.
+const RESCUES: usize = 6;
 
 /// A reweight that gains less than this fraction of the stretch is the last one.
 const WORTHWHILE_GAIN: f64 = 2e-3;
@@ -114,13 +124,32 @@ fn relax(
     best: &mut Best,
 ) {
     let mut around = Vec::new();
-    for round in 0..=REWEIGHTS {
+    let (mut rescues, mut rounds) = (0, 0);
+    loop {
         system.solve(edges, weights, uv);
         let flipped = certify::count_flipped(&patch.triangles, uv);
-        let stretch = metric.stretch(patch, uv);
-        let gains = best.offer(uv, flipped, stretch);
-        if flipped > 0 || !gains || round == REWEIGHTS {
-            return;
+        let gains = best.offer(uv, flipped, metric.stretch(patch, uv));
+        eprintln!(
+            "r {rescues} {rounds} flipped {flipped} stretch {} gains {gains} min weight {:e}",
+            metric.stretch(patch, uv),
+            weights.iter().copied().fold(f64::INFINITY, f64::min)
+        );
+        // A reweight spreads what shrank to nothing, so it can also save a map that is not certified yet.
+        if best.is_certified() {
+            let most = if best.stretch() > POOR_STRETCH {
+                REWEIGHTS_IF_POOR
+            } else {
+                REWEIGHTS
+            };
+            if flipped > 0 || !gains || rounds >= most {
+                return;
+            }
+            rounds += 1;
+        } else {
+            if rescues == RESCUES {
+                return;
+            }
+            rescues += 1;
         }
         metric.vertex_stretch(patch, uv, &mut around);
         tutte::divide_by_stretch(edges, &around, weights);
@@ -185,6 +214,10 @@ impl Best {
 
     fn is_certified(&self) -> bool {
         self.map.as_ref().is_some_and(|map| map.flipped == 0)
+    }
+
+    fn stretch(&self) -> f64 {
+        self.map.as_ref().map_or(f64::INFINITY, |map| map.stretch)
     }
 
     fn take(self) -> Parametrization {

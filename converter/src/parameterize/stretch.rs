@@ -8,8 +8,11 @@
 use crate::atlas::patch::Patch;
 use glam::DVec2;
 
-/// Bounds of a vertex's stretch relative to the mean: one reweight changes a weight at most by their squares.
-const STRETCH_RANGE: [f64; 2] = [1e-2, 1e2];
+/// Bounds of a vertex's stretch: one reweight changes a weight at most by their squares.
+const STRETCH_RANGE: [f64; 2] = [1e-3, 1e6];
+
+/// What a doubled area in (u, v) is taken for when it is smaller or negative: about what rounding can tell from zero.
+const SMALLEST_AREA: f64 = 1e-30;
 
 /// What stretch needs of the triangles in space.
 #[derive(Debug)]
@@ -56,31 +59,28 @@ impl Metric {
         }
         let mut energy = 0.0;
         for (corners, shape) in patch.triangles.iter().zip(&self.shapes) {
-            energy += shape.energy(corners.map(|vertex| uv[vertex as usize]));
+            energy += shape.energy(corners.map(|vertex| uv[vertex as usize]), 0.0);
         }
         energy.sqrt() / self.area
     }
 
-    /// Stretch around every vertex relative to the whole map's, 1 where there is none to speak of.
+    /// Stretch around every vertex where an isometry onto a square of the same area has 1; faces that are flipped or
+    /// flat by rounding count as very small.
     pub(super) fn vertex_stretch(&self, patch: &Patch, uv: &[DVec2], around: &mut Vec<f64>) {
         let mut sums = vec![(0.0, 0.0); uv.len()];
-        let (mut total_energy, mut total_area) = (0.0, 0.0);
         for (corners, shape) in patch.triangles.iter().zip(&self.shapes) {
-            let energy = shape.energy(corners.map(|vertex| uv[vertex as usize]));
-            total_energy += energy;
-            total_area += shape.area;
+            let energy = shape.energy(corners.map(|vertex| uv[vertex as usize]), SMALLEST_AREA);
             for &vertex in corners {
                 let sum = &mut sums[vertex as usize];
                 sum.0 += energy;
                 sum.1 += shape.area;
             }
         }
-        let mean = total_energy / total_area;
         around.clear();
         around.extend(sums.iter().map(|&(energy, area)| {
-            let relative = (energy / area / mean).sqrt();
-            if relative.is_finite() {
-                relative.clamp(STRETCH_RANGE[0], STRETCH_RANGE[1])
+            let stretch = (energy / area / self.area).sqrt();
+            if stretch.is_finite() {
+                stretch.clamp(STRETCH_RANGE[0], STRETCH_RANGE[1])
             } else {
                 1.0
             }
@@ -89,13 +89,13 @@ impl Metric {
 }
 
 impl Shape {
-    /// Area times squared L² stretch, where the square has area 1.
-    fn energy(&self, [a, b, c]: [DVec2; 3]) -> f64 {
+    /// Area times squared L² stretch, where the square has area 1; infinite without any area in (u, v).
+    fn energy(&self, [a, b, c]: [DVec2; 3], smallest_area: f64) -> f64 {
         if self.area <= 0.0 {
             return 0.0;
         }
         let (first, second) = (b - a, c - a);
-        let doubled_area = first.perp_dot(second);
+        let doubled_area = first.perp_dot(second).max(smallest_area);
         if doubled_area <= 0.0 {
             return f64::INFINITY;
         }

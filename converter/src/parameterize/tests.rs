@@ -171,6 +171,44 @@ fn a_tower_is_certified() {
 }
 
 #[test]
+fn a_deep_tube_is_certified() {
+    // Rings of 16 vertices, the outermost on the sides; its harmonic map shrinks by e^-0.4 a ring.
+    let (rings, around) = (110u32, 16u32);
+    let mut patch = Patch::default();
+    for ring in 0..rings {
+        for k in 0..around {
+            let angle = std::f64::consts::TAU * f64::from(k) / f64::from(around);
+            let radius = if ring == 0 { 2.0 } else { 1.0 };
+            patch.positions.push(DVec3::new(
+                radius * angle.cos(),
+                radius * angle.sin(),
+                0.4 * f64::from(ring),
+            ));
+            if ring > 0 {
+                let [a, b] = [
+                    (ring - 1) * around + k,
+                    (ring - 1) * around + (k + 1) % around,
+                ];
+                patch
+                    .triangles
+                    .extend([[a, b, b + around], [a, b + around, a + around]]);
+            }
+        }
+    }
+    let (last, tip) = ((rings - 1) * around, rings * around);
+    patch
+        .positions
+        .push(DVec3::new(0.0, 0.0, 0.4 * f64::from(rings)));
+    patch
+        .triangles
+        .extend((0..around).map(|k| [last + k, last + (k + 1) % around, tip]));
+    patch.attributes = vec![Attributes::default(); patch.positions.len()];
+    patch.sides = [0, 4, 8, 12].map(|start| (start..=start + 4).map(|k| k % around).collect());
+    let map = assert_certified(patch);
+    assert!(map.stretch < 50.0, "{}", map.stretch);
+}
+
+#[test]
 fn the_factor_solves_what_it_was_given() {
     for seed in [1, 2] {
         let (patch, borders) = with_borders(bumpy(20, 0.6, seed, waves), MIXED);

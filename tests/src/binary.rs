@@ -19,7 +19,7 @@ pub const TIME_LIMIT: Duration = Duration::from_mins(10);
 #[macro_export]
 macro_rules! arguments {
     ($($argument:expr),* $(,)?) => {
-        vec![$(::std::ffi::OsString::from($argument)),*]
+        ::std::vec::Vec::<::std::ffi::OsString>::from([$(::std::ffi::OsString::from($argument)),*])
     };
 }
 

@@ -58,7 +58,7 @@ impl Stage {
     /// Lets each page pass with probability `share`, always the same ones for the same `seed`. The viewer never fetches a
     /// page whose parent is not let through, so what is resident is closed under parents.
     pub fn let_through(&mut self, share: f64, seed: u64) {
-        self.viewer
+        self.viewer()
             .set_page_filter(Some(Box::new(move |PageId(page)| {
                 unit(seed, u64::from(page)) < share
             })));
@@ -132,23 +132,23 @@ impl Stage {
     /// # Errors
     /// When the surface cannot be put together on the CPU.
     pub fn inside(&mut self, samples: &[DVec2]) -> Result<Mask> {
-        let drawn = self.viewer().drawn();
+        let picture = self.picture(samples);
+        let viewer = self.session.viewer();
+        let drawn = viewer.drawn();
         let mesh = extract_mesh_in_motion(
-            self.viewer().document(),
-            &self.source,
+            viewer.document(),
+            self.source.as_ref(),
             &drawn.cut,
             &drawn.morphs,
         )?;
-        Ok(raster::coverage(&mesh.positions, &mesh.triangles, &self.picture(samples))?.eroded())
+        Ok(raster::coverage(&mesh.positions, &mesh.triangles, &picture)?.eroded())
     }
 
     /// The picture as the CPU sees it, for positions in lattice coordinates.
     pub fn picture<'a>(&mut self, samples: &'a [DVec2]) -> Picture<'a> {
-        let view = View::new(
-            &self.viewer().camera(),
-            &self.viewer().document().metadata,
-            self.viewport,
-        );
+        let viewport = self.viewport;
+        let viewer = self.session.viewer();
+        let view = View::new(&viewer.camera(), &viewer.document().metadata, viewport);
         let eye =
             DVec3::from_array(view.eye.whole.map(f64::from)) + DVec3::from_array(view.eye.fraction);
         Picture {
@@ -174,9 +174,14 @@ pub fn holes(image: Image<'_>, inside: &Mask) -> Vec<(usize, usize)> {
 
 /// A number in [0, 1) that depends on `seed` and `counter` alone.
 pub fn unit(seed: u64, counter: u64) -> f64 {
+    (bits(seed, counter) >> 11) as f64 / (1_u64 << 53) as f64
+}
+
+/// 64 bits that depend on `seed` and `counter` alone.
+pub fn bits(seed: u64, counter: u64) -> u64 {
     let mut key = seed.to_le_bytes().to_vec();
     key.extend(counter.to_le_bytes());
-    (xxhash_rust::xxh3::xxh3_64(&key) >> 11) as f64 / (1_u64 << 53) as f64
+    xxhash_rust::xxh3::xxh3_64(&key)
 }
 
 #[cfg(test)]

@@ -1,5 +1,7 @@
 //! Bad input ends with exit code 1 and a message that names the file and the cause; nothing is written.
 
+#![expect(clippy::unwrap_used, reason = "a test that cannot go on ends here")]
+
 use marquetry_tests::{Finished, arguments, data, marquetry, meshes, ply};
 use std::io::{BufRead, BufReader, Write};
 use std::net::{Ipv4Addr, TcpListener, TcpStream};

@@ -1,5 +1,7 @@
 //! The whole way, on the real binary: convert, info, verify, measure, export, serve, render.
 
+#![expect(clippy::unwrap_used, reason = "a test that cannot go on ends here")]
+
 use marquetry_evaluation::{Mesh, measure};
 use marquetry_tests::server::Server;
 use marquetry_tests::{Converted, arguments, convert, data, http, marquetry, meshes, ply};

@@ -1,6 +1,6 @@
 //! Everything in the folder of difficult meshes converts and verifies; the two without geometry are refused.
 
-use marquetry_tests::{arguments, convert, data, marquetry};
+use marquetry_tests::{Finished, arguments, convert, data, marquetry};
 use serde_json::Value;
 use std::path::{Path, PathBuf};
 
@@ -38,7 +38,7 @@ fn fault(input: &Path) -> Option<String> {
         Err(error) => return Some(format!("{error:#}")),
     };
     let verified =
-        marquetry(&arguments!["verify", &converted.path, "--json", "-"]).and_then(|run| run.json());
+        marquetry(&arguments!["verify", &converted.path, "--json", "-"]).and_then(Finished::json);
     let report = match verified {
         Ok(report) => report,
         Err(error) => return Some(format!("verify: {error:#}")),

@@ -1,5 +1,7 @@
 //! With a cache of a tenth of the file the viewer settles, stays within its budget, and never shows a hole.
 
+#![expect(clippy::unwrap_used, reason = "a test that cannot go on ends here")]
+
 use marquetry_engine::{Background, ViewerOptions, Viewport};
 use marquetry_evaluation::image::Image;
 use marquetry_native::Headless;

@@ -4,12 +4,14 @@
 //! exact: every pixel that the drawn cut covers, as the CPU sees it, but for a rim of one pixel. A coarse surface may lie
 //! within the finest one, so against the exported mesh only the finest state is compared.
 
+#![expect(clippy::unwrap_used, reason = "a test that cannot go on ends here")]
+
 use marquetry_engine::camera::STANDARD_VIEWS;
 use marquetry_engine::{Background, ViewerOptions, Viewport};
 use marquetry_evaluation::image::Image;
 use marquetry_native::Headless;
 use marquetry_tests::raster::{FOUR_SAMPLES, coverage};
-use marquetry_tests::stage::{MAGENTA, Stage, holes, unit};
+use marquetry_tests::stage::{MAGENTA, Stage, bits, holes};
 use marquetry_tests::{arguments, convert, data, marquetry, meshes, ply};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -47,14 +49,14 @@ fn assert_no_holes(name: &str, marq: &Path) {
         let mut views: Vec<(usize, f64)> = (0..STANDARD_VIEWS)
             .flat_map(|view| DISTANCES.map(|distance| (view, distance)))
             .collect();
-        let place = |view: usize, distance: f64| {
-            unit(state as u64, (view as u64) << 32 | distance.to_bits() >> 32)
+        let place = |&(view, distance): &(usize, f64)| {
+            bits(state as u64, (view as u64) << 32 | distance.to_bits() >> 32)
         };
-        views.sort_by(|a, b| place(a.0, a.1).total_cmp(&place(b.0, b.1)));
+        views.sort_by_key(place);
         for (view, distance) in views {
             stage.look_from(view, distance).unwrap();
             // Two thirds of the pictures are taken a few steps after the jump, while pages arrive and vertices move.
-            let steps = (place(view, distance) * 1e6) as usize % 12;
+            let steps = place(&(view, distance)) % 12;
             if steps < 8 {
                 for _ in 0..=steps {
                     stage.step().unwrap();

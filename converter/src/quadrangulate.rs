@@ -6,7 +6,7 @@
 //! of the spokes are simple and meet only in the centre, so no path search is needed. Every corner of the region then
 //! has its own quad: centre, middle of a side, corner, middle of the next side.
 //!
-//! Limit: a region whose flattening folds in double precision (a tube many radii long) is reported, not repaired.
+//! Limit: a protrusion inside a region shrinks to a speck of the polygon; it is reported for the region to be split.
 
 mod arcs;
 mod region;
@@ -26,6 +26,9 @@ pub struct Layout {
     pub patches: Vec<Patch>,
     /// Border curves; a border is used by one side (open) or two (glued).
     pub borders: Vec<Border>,
+    /// Vertices of the mesh in whose neighbourhood a flattening has shrunk to a speck: tips of protrusions, at which to
+    /// split the regions.
+    pub specks: Vec<u32>,
 }
 
 /// A region that could not be cut into quads.
@@ -66,10 +69,11 @@ pub fn quadrangulate(mesh: &ManifoldMesh, segmentation: &Segmentation) -> Result
         .enumerate()
         .map(|(id, outline)| {
             let id = u32::try_from(id).unwrap_or(u32::MAX);
-            let region = region::Region::new(id, &points, &arcs, outline)?;
+            let region = region::Region::new(id, mesh.positions.len(), &points, &arcs, outline)?;
             spokes::cut(region)
         })
         .collect::<Result<_, _>>()?;
+    let specks = cut.iter().filter_map(|c| c.speck).collect();
     let mut patches = Vec::with_capacity(cut.iter().map(|c| c.patches.len()).sum());
     for mut region in cut {
         let first_spoke = u32::try_from(borders.len()).unwrap_or(u32::MAX);
@@ -80,5 +84,5 @@ pub fn quadrangulate(mesh: &ManifoldMesh, segmentation: &Segmentation) -> Result
         borders.append(&mut region.spokes);
         patches.append(&mut region.patches);
     }
-    Ok(Layout { patches, borders })
+    Ok(Layout { patches, borders, specks })
 }

@@ -81,6 +81,8 @@ pub struct ErrorReport {
     pub max_rel: f64,
     /// RMS distance, the larger of both ways, measured.
     pub rms_rel: f64,
+    /// Hausdorff distance, measured at all vertices and many samples: what `max_rel` bounds.
+    pub hausdorff_rel: f64,
 }
 
 /// Input that is not in the output.

@@ -10,7 +10,7 @@ use marquetry_format::quadtree::PAGE_RESOLUTION;
 use marquetry_format::writer::{ChartInput, NodeInput};
 use marquetry_format::{ChartId, Glue, Lattice, NodeId, PageSamples, Quadrant};
 use rayon::prelude::*;
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 
 /// Deepest level that sampling goes to. At level 6 a chart has 2048² cells.
 const DEEPEST_LEVEL: u8 = 6;
@@ -57,21 +57,22 @@ pub fn build(surface: &Surface<'_>, progress: &(dyn Fn(f64) + Sync)) -> Atlas {
         let done = done.fetch_add(1, std::sync::atomic::Ordering::Relaxed) + 1;
         progress(done as f64 / (2 * count) as f64);
     };
-    let wanted: Vec<(u8, Vec<NodeId>)> = (0..count)
+    let tries: Vec<Tried> = (0..count)
         .into_par_iter()
         .map(|chart| {
-            let wanted = ChartSampler::new(surface, chart).wanted();
+            let tried = ChartSampler::new(surface, chart).try_depths();
             tick();
-            wanted
+            tried
         })
         .collect();
-    let mut depth = Depth { roots: wanted.iter().map(|w| w.0).collect(), nodes: BTreeSet::new() };
-    depth.nodes.extend(wanted.into_iter().flat_map(|w| w.1));
+    let mut depth = Depth { roots: tries.iter().map(|t| t.wanted).collect(), nodes: BTreeSet::new() };
+    depth.nodes.extend(tries.iter().flat_map(|t| t.nodes.keys()));
     depth.balance(surface.glue);
-    let built: Vec<Built> = (0..count)
+    let built: Vec<Built> = tries
         .into_par_iter()
-        .map(|chart| {
-            let built = ChartSampler::new(surface, chart).build(&depth);
+        .enumerate()
+        .map(|(chart, tried)| {
+            let built = ChartSampler::new(surface, chart).build(&depth, tried);
             tick();
             built
         })
@@ -87,6 +88,15 @@ pub fn build(surface: &Surface<'_>, progress: &(dyn Fn(f64) + Sync)) -> Atlas {
     }
     atlas.rms_error = if area > 0.0 { (square / area).sqrt() } else { 0.0 };
     atlas
+}
+
+/// What finding a chart's depth took: most of it is used again.
+#[derive(Default)]
+struct Tried {
+    wanted: u8,
+    samples: PageSamples,
+    errors: Vec<GridError>,
+    nodes: BTreeMap<NodeId, (PageSamples, GridError)>,
 }
 
 struct Built {
@@ -130,34 +140,33 @@ impl<'a> ChartSampler<'a> {
         self.sampler.errors(window, &world_positions(samples, &self.surface.lattice))
     }
 
-    fn error(&self, node: NodeId, samples: &PageSamples) -> GridError {
-        self.errors(window(node), samples).last().copied().unwrap_or_default()
-    }
-
-    /// Root resolution and deeper nodes that the chart's own error asks for.
-    fn wanted(&self) -> (u8, Vec<NodeId>) {
-        // Most charts of a dense scan are good at a coarse resolution: try upwards.
-        let mut error = GridError::default();
-        for r in 1..=PAGE_RESOLUTION {
-            let whole = Window::whole(r);
-            error = self.errors(whole, &self.samples(whole)).last().copied().unwrap_or_default();
-            if self.good(&error) {
-                return (r, Vec::new());
+    /// Finds the root resolution and the deeper nodes that the chart's own error asks for, and keeps what that took.
+    fn try_depths(&self) -> Tried {
+        let mut tried = Tried::default();
+        // One sampling tells the error of every coarser resolution as well, and few charts need the finest.
+        for resolution in [PAGE_RESOLUTION - 1, PAGE_RESOLUTION] {
+            let whole = Window::whole(resolution);
+            tried.samples = self.samples(whole);
+            tried.errors = self.errors(whole, &tried.samples);
+            if let Some(wanted) = (1..=resolution).find(|&r| self.good(&tried.errors[usize::from(r)])) {
+                tried.wanted = wanted;
+                return tried;
             }
         }
-        let mut nodes = Vec::new();
-        self.refine(self.root, &error, &mut nodes);
-        (PAGE_RESOLUTION, nodes)
+        tried.wanted = PAGE_RESOLUTION;
+        let error = tried.errors[usize::from(PAGE_RESOLUTION)];
+        self.refine(self.root, &error, &mut tried.nodes);
+        tried
     }
 
     /// Adds the children of `node`, and theirs where they are not good yet.
-    fn refine(&self, node: NodeId, error: &GridError, nodes: &mut Vec<NodeId>) {
+    fn refine(&self, node: NodeId, error: &GridError, nodes: &mut BTreeMap<NodeId, (PageSamples, GridError)>) {
         if node.level >= DEEPEST_LEVEL || self.good(error) {
             return;
         }
         for child in (0..4).map(|q| node.child(Quadrant(q))) {
-            nodes.push(child);
-            let own = self.error(child, &self.samples(window(child)));
+            let (samples, own) = self.node(child);
+            nodes.insert(child, (samples, own));
             // A spike that sampling does not catch is not worth ever more pages.
             if own.max_plane < 0.9 * error.max_plane || own.mean_square > self.surface.target.powi(2) {
                 self.refine(child, &own, nodes);
@@ -165,14 +174,24 @@ impl<'a> ChartSampler<'a> {
         }
     }
 
-    fn build(&self, depth: &Depth) -> Built {
+    fn node(&self, node: NodeId) -> (PageSamples, GridError) {
+        let samples = self.samples(window(node));
+        let error = self.errors(window(node), &samples).last().copied().unwrap_or_default();
+        (samples, error)
+    }
+
+    fn build(&self, depth: &Depth, mut tried: Tried) -> Built {
         let resolution = depth.roots[self.root.chart.0 as usize];
-        let whole = Window::whole(resolution);
-        let samples = self.samples(whole);
-        let errors = self.errors(whole, &samples);
+        if tried.samples.resolution < resolution {
+            let whole = Window::whole(resolution);
+            tried.samples = self.samples(whole);
+            tried.errors = self.errors(whole, &tried.samples);
+        }
+        let samples = quantize::coarsen(tried.samples, resolution);
+        let errors = &tried.errors[..=usize::from(resolution)];
         let mut finest = errors.last().copied().unwrap_or_default();
         let mut count = samples.positions.len() as u64;
-        let children = self.children(self.root, &samples, depth, &mut finest, &mut count);
+        let children = self.children(self.root, depth, &mut tried.nodes, &mut finest, &mut count);
         let cone = summary::of(&samples, children.as_deref());
         // Errors never grow on the way down.
         let mut bounds: Vec<f32> = errors.iter().map(|e| self.in_lattice_units(e.max)).collect();
@@ -189,8 +208,8 @@ impl<'a> ChartSampler<'a> {
     fn children(
         &self,
         node: NodeId,
-        samples: &PageSamples,
         depth: &Depth,
+        tried: &mut BTreeMap<NodeId, (PageSamples, GridError)>,
         finest: &mut GridError,
         count: &mut u64,
     ) -> Option<Box<[NodeInput; 4]>> {
@@ -201,19 +220,18 @@ impl<'a> ChartSampler<'a> {
         let mut square = 0.0;
         let children = [0, 1, 2, 3].map(|q| {
             let child = node.child(Quadrant(q));
-            let mut own = self.samples(window(child));
-            copy_even_positions(samples, Quadrant(q), &mut own);
-            *count += own.positions.len() as u64;
-            let error = self.error(child, &own);
+            // Balance adds nodes that nobody tried.
+            let (samples, error) = tried.remove(&child).unwrap_or_else(|| self.node(child));
+            *count += samples.positions.len() as u64;
             let mut leaf = error;
-            let children = self.children(child, &own, depth, &mut leaf, count);
+            let children = self.children(child, depth, tried, &mut leaf, count);
             below.max = below.max.max(leaf.max);
             below.max_plane = below.max_plane.max(leaf.max_plane);
             below.area += leaf.area;
             square += leaf.mean_square * leaf.area;
             let bound = self.in_lattice_units(error.max).max(deepest_error(children.as_deref()));
-            let cone = summary::of(&own, children.as_deref());
-            NodeInput { samples: own, errors: vec![bound], cone, children }
+            let cone = summary::of(&samples, children.as_deref());
+            NodeInput { samples, errors: vec![bound], cone, children }
         });
         below.mean_square = if below.area > 0.0 { square / below.area } else { 0.0 };
         *finest = below;
@@ -230,16 +248,4 @@ impl<'a> ChartSampler<'a> {
 
 fn deepest_error(children: Option<&[NodeInput; 4]>) -> f32 {
     children.into_iter().flatten().flat_map(|c| &c.errors).copied().fold(0.0, f32::max)
-}
-
-/// Makes the even positions of a child those of its parent's quadrant, bit for bit.
-fn copy_even_positions(parent: &PageSamples, quadrant: Quadrant, child: &mut PageSamples) {
-    let (side, half) = (child.side(), 1usize << (PAGE_RESOLUTION - 1));
-    let (x, y) = (usize::from(quadrant.0 & 1) * half, usize::from(quadrant.0 >> 1) * half);
-    for j in 0..=half {
-        for i in 0..=half {
-            let (from, to) = ((y + j) * parent.side() + x + i, 2 * j * side + 2 * i);
-            child.positions[to] = parent.positions[from];
-        }
-    }
 }

@@ -55,6 +55,28 @@ pub fn world_positions(samples: &PageSamples, lattice: &Lattice) -> Vec<DVec3> {
     samples.positions.iter().map(|&p| lattice.world_from_lattice(p)).collect()
 }
 
+/// The samples that a coarser `resolution` has.
+pub fn coarsen(samples: PageSamples, resolution: u8) -> PageSamples {
+    fn pick<T: Copy>(all: &[T], side: usize, coarse: usize, stride: usize) -> Vec<T> {
+        if all.is_empty() {
+            return Vec::new();
+        }
+        (0..coarse * coarse).map(|k| all[k / coarse * stride * side + k % coarse * stride]).collect()
+    }
+    if resolution >= samples.resolution {
+        return samples;
+    }
+    let stride = 1usize << (samples.resolution - resolution);
+    let (side, coarse) = (samples.side(), (1usize << resolution) + 1);
+    PageSamples {
+        resolution,
+        positions: pick(&samples.positions, side, coarse, stride),
+        normals: pick(&samples.normals, side, coarse, stride),
+        colours: pick(&samples.colours, side, coarse, stride),
+        ..PageSamples::default()
+    }
+}
+
 /// Finest resolution at or below a node: log2 of the cells a chart side.
 pub fn finest_resolution(node: &NodeInput) -> u8 {
     node.children

@@ -19,6 +19,8 @@ use std::collections::HashMap;
 pub(super) struct CutRegion {
     pub(super) patches: Vec<Patch>,
     pub(super) spokes: Vec<Border>,
+    /// See [`Region::speck`].
+    pub(super) speck: Option<u32>,
 }
 
 /// Where the centre is tried, in radii of the polygon, until the cut succeeds.
@@ -33,12 +35,16 @@ fn centres() -> impl Iterator<Item = DVec2> {
 pub(super) fn cut(mut region: Region) -> Result<CutRegion, QuadrangulateError> {
     let vertices = region.positions.len();
     let triangles = region.triangles.clone();
+    let mut speck = None;
     for weights in [Weights::Cotangent, Weights::Uniform] {
         let flat = region.flattened(weights);
+        if weights == Weights::Cotangent {
+            speck = region.speck(&flat);
+        }
         for centre in centres() {
             let uv = flat.iter().map(|&p| p - centre).collect();
             if let Some(cut) = Sectors::new(&mut region, uv).and_then(|mut sectors| sectors.cut()) {
-                return Ok(cut);
+                return Ok(CutRegion { speck, ..cut });
             }
             region.positions.truncate(vertices);
             region.attributes.truncate(vertices);
@@ -191,7 +197,7 @@ impl<'a> Sectors<'a> {
             let patch = self.patch(k, &pieces[k as usize], &mut spokes)?;
             patches.push(patch);
         }
-        Some(CutRegion { patches, spokes: spokes.into_iter().collect::<Option<_>>()? })
+        Some(CutRegion { patches, spokes: spokes.into_iter().collect::<Option<_>>()?, speck: None })
     }
 
     fn patch(&self, k: u32, triangles: &[[u32; 3]], spokes: &mut [Option<Border>]) -> Option<Patch> {

@@ -108,21 +108,12 @@ fn spread(
     }
 }
 
-/// A seed for each region: far from its border, yet near its centroid. With `bias` 1 distances begin at the rim of the
-/// circle that fits into the region, so that cells keep their sizes; with 0 all begin alike.
-pub(super) fn centres(surface: &Surface, labels: &[u32], regions: u32, bias: f64) -> Vec<Seed> {
-    let mut means = vec![super::contract::Cell::default(); regions as usize];
+/// Distance of every vertex, inside its region, to the region's border and to open borders.
+pub(super) fn depths(surface: &Surface, labels: &[u32]) -> Vec<f64> {
     let mut depths = vec![f64::INFINITY; labels.len()];
     let mut front = BinaryHeap::new();
-    let members = || surface.components.iter().flatten().copied();
-    for v in members() {
+    for v in surface.components.iter().flatten().copied() {
         let label = labels[v as usize];
-        let mean = &mut means[label as usize];
-        *mean = if mean.area > 0.0 {
-            mean.merged(surface.cells[v as usize])
-        } else {
-            surface.cells[v as usize]
-        };
         let at_border = surface.loop_of[v as usize] != NONE
             || surface
                 .neighbours(v)
@@ -136,6 +127,38 @@ pub(super) fn centres(surface: &Surface, labels: &[u32], regions: u32, bias: f64
     spread(surface, &mut front, &mut depths, |from, to| {
         labels[from as usize] == labels[to as usize]
     });
+    depths
+}
+
+/// Lengths of shortest paths from `starts` that stay in one region; infinite in regions without a start.
+pub(super) fn within(surface: &Surface, labels: &[u32], starts: &[u32]) -> Vec<f64> {
+    let mut distances = vec![f64::INFINITY; labels.len()];
+    let mut front = BinaryHeap::new();
+    for &start in starts {
+        distances[start as usize] = 0.0;
+        front.push(Reverse((0, start)));
+    }
+    spread(surface, &mut front, &mut distances, |from, to| {
+        labels[from as usize] == labels[to as usize]
+    });
+    distances
+}
+
+/// A seed for each region: far from its border, yet near its centroid. With `bias` 1 distances begin at the rim of the
+/// circle that fits into the region, so that cells keep their sizes; with 0 all begin alike.
+pub(super) fn centres(surface: &Surface, labels: &[u32], regions: u32, bias: f64) -> Vec<Seed> {
+    let mut means = vec![super::contract::Cell::default(); regions as usize];
+    let depths = depths(surface, labels);
+    let members = || surface.components.iter().flatten().copied();
+    for v in members() {
+        let label = labels[v as usize];
+        let mean = &mut means[label as usize];
+        *mean = if mean.area > 0.0 {
+            mean.merged(surface.cells[v as usize])
+        } else {
+            surface.cells[v as usize]
+        };
+    }
     let mut best = vec![(f64::NEG_INFINITY, NONE); regions as usize];
     for v in members() {
         let label = labels[v as usize] as usize;

@@ -129,11 +129,6 @@ fn relax(
         system.solve(edges, weights, uv);
         let flipped = certify::count_flipped(&patch.triangles, uv);
         let gains = best.offer(uv, flipped, metric.stretch(patch, uv));
-        eprintln!(
-            "r {rescues} {rounds} flipped {flipped} stretch {} gains {gains} min weight {:e}",
-            metric.stretch(patch, uv),
-            weights.iter().copied().fold(f64::INFINITY, f64::min)
-        );
         // A reweight spreads what shrank to nothing, so it can also save a map that is not certified yet.
         if best.is_certified() {
             let most = if best.stretch() > POOR_STRETCH {

@@ -125,9 +125,35 @@ impl<'a> ChartSampler<'a> {
         Self { surface, sampler, root: NodeId::root(ChartId(u32::try_from(chart).unwrap_or(u32::MAX))) }
     }
 
-    fn good(&self, error: &GridError) -> bool {
+    fn good(&self, error: &GridError, samples: &PageSamples) -> bool {
         let target = self.surface.target;
-        error.mean_square.sqrt() <= target && error.max_plane <= MAX_OVER_TARGET * target
+        error.mean_square.sqrt() <= target
+            && error.max_plane <= MAX_OVER_TARGET * target || self.is_fine(samples)
+    }
+
+    /// Whether cells are no larger than the target: finer ones show nothing more.
+    fn is_fine(&self, samples: &PageSamples) -> bool {
+        let (mut min, mut max) = ([u32::MAX; 3], [0; 3]);
+        for p in &samples.positions {
+            for k in 0..3 {
+                min[k] = min[k].min(p[k]);
+                max[k] = max[k].max(p[k]);
+            }
+        }
+        let extent = (0..3).map(|k| f64::from(max[k] - min[k])).fold(0.0, f64::max);
+        extent * self.surface.lattice.step <= self.surface.target * f64::from(1u32 << samples.resolution)
+    }
+
+    /// Largest distance of the chart's open borders from the polyline that a resolution draws. Distances to tangent
+    /// planes do not see a corner that is cut off.
+    fn open_border_error(&self, resolution: u8) -> f64 {
+        let chart = self.root.chart.0 as usize;
+        let open = (0..4).filter(|&s| self.surface.glue[chart][s].is_none());
+        open.map(|s| {
+            let border = &self.surface.borders[self.surface.patches[chart].borders[s].0 as usize];
+            border.chord_error(resolution)
+        })
+        .fold(0.0, f64::max)
     }
 
     fn samples(&self, window: Window) -> PageSamples {
@@ -148,7 +174,10 @@ impl<'a> ChartSampler<'a> {
             let whole = Window::whole(resolution);
             tried.samples = self.samples(whole);
             tried.errors = self.errors(whole, &tried.samples);
-            if let Some(wanted) = (1..=resolution).find(|&r| self.good(&tried.errors[usize::from(r)])) {
+            if let Some(wanted) = (1..=resolution).find(|&r| {
+                let border = self.open_border_error(r) <= MAX_OVER_TARGET * self.surface.target;
+                border && self.good(&tried.errors[usize::from(r)], &tried.samples)
+            }) {
                 tried.wanted = wanted;
                 return tried;
             }
@@ -161,14 +190,16 @@ impl<'a> ChartSampler<'a> {
 
     /// Adds the children of `node`, and theirs where they are not good yet.
     fn refine(&self, node: NodeId, error: &GridError, nodes: &mut BTreeMap<NodeId, (PageSamples, GridError)>) {
-        if node.level >= DEEPEST_LEVEL || self.good(error) {
+        if node.level >= DEEPEST_LEVEL {
             return;
         }
         for child in (0..4).map(|q| node.child(Quadrant(q))) {
             let (samples, own) = self.node(child);
-            nodes.insert(child, (samples, own));
             // A spike that sampling does not catch is not worth ever more pages.
-            if own.max_plane < 0.9 * error.max_plane || own.mean_square > self.surface.target.powi(2) {
+            let gains = own.max_plane < 0.9 * error.max_plane || own.mean_square > self.surface.target.powi(2);
+            let deeper = gains && !self.good(&own, &samples);
+            nodes.insert(child, (samples, own));
+            if deeper {
                 self.refine(child, &own, nodes);
             }
         }

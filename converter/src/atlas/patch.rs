@@ -22,6 +22,28 @@ pub struct Border {
     pub params: Vec<f64>,
 }
 
+impl Border {
+    /// Largest distance of the curve from the polyline through its points at parameters k / 2^resolution.
+    pub fn chord_error(&self, resolution: u8) -> f64 {
+        let cells = f64::from(1u32 << resolution);
+        let at = |t: f64| {
+            let i = self.params.partition_point(|&p| p <= t).clamp(1, self.params.len() - 1);
+            let (p, q) = (self.params[i - 1], self.params[i]);
+            self.points[i - 1].lerp(self.points[i], ((t - p) / (q - p)).clamp(0.0, 1.0))
+        };
+        self.params
+            .iter()
+            .zip(&self.points)
+            .map(|(&t, &point)| {
+                let cell = (t * cells).floor().min(cells - 1.0);
+                let (a, b) = (at(cell / cells), at((cell + 1.0) / cells));
+                let along = ((point - a).dot(b - a) / (b - a).length_squared()).clamp(0.0, 1.0);
+                point.distance(if along.is_nan() { a } else { a.lerp(b, along) })
+            })
+            .fold(0.0, f64::max)
+    }
+}
+
 /// The piece of the source under one chart: a triangulated disk with four sides.
 #[derive(Debug, Clone, Default)]
 pub struct Patch {

@@ -244,8 +244,35 @@ fn key(a: u32, b: u32) -> (u32, u32) {
     (a.min(b), a.max(b))
 }
 
+/// Cosine of the turn from which a point of an open border is a corner of the surface.
+const CORNER: f64 = 0.85;
+
+/// The sharpest corner of an open border that does not leave one half too short; samples then meet it exactly.
+fn open_corner(arc: &Arc, points: &Points) -> Option<usize> {
+    let at = |i: usize| points.positions[arc.points[i] as usize];
+    let mut lengths = vec![0.0];
+    for i in 1..arc.points.len() {
+        lengths.push(lengths[i - 1] + at(i - 1).distance(at(i)));
+    }
+    let total = lengths.last().copied().unwrap_or(0.0);
+    let turn = |i: usize| {
+        let (before, after) = ((at(i) - at(i - 1)).normalize_or_zero(), (at(i + 1) - at(i)).normalize_or_zero());
+        before.dot(after)
+    };
+    (1..arc.points.len().saturating_sub(1))
+        .filter(|&i| (0.1 * total..0.9 * total).contains(&lengths[i]))
+        .map(|i| (turn(i), i))
+        .filter(|&(turn, _)| turn < CORNER)
+        .min_by(|a, b| a.0.total_cmp(&b.0))
+        .map(|(_, i)| i)
+}
+
 /// Finds or makes the middle of `arc`.
 fn set_middle(arc: &mut Arc, points: &mut Points, middles: &mut HashMap<(u32, u32), u32>) {
+    if let Some(corner) = (arc.right == NONE).then(|| open_corner(arc, points)).flatten() {
+        arc.middle = corner;
+        return;
+    }
     let at = |i: u32| points.positions[i as usize];
     let lengths: Vec<f64> = arc.points.windows(2).map(|w| at(w[0]).distance(at(w[1]))).collect();
     let half = 0.5 * lengths.iter().sum::<f64>();

@@ -46,7 +46,12 @@ pub struct Options {
 
 impl Default for Options {
     fn default() -> Self {
-        Self { error_rel: 1e-4, allow_worse: false, up: Up::Y, threads: None }
+        Self {
+            error_rel: 1e-4,
+            allow_worse: false,
+            up: Up::Y,
+            threads: None,
+        }
     }
 }
 
@@ -125,12 +130,23 @@ pub fn convert(
     if !(options.error_rel > 0.0 && options.error_rel <= 1.0) {
         return Err(ConvertError::Target(options.error_rel));
     }
-    let threads = options.threads.unwrap_or_else(|| std::thread::available_parallelism().map_or(1, usize::from));
+    let threads = options
+        .threads
+        .unwrap_or_else(|| std::thread::available_parallelism().map_or(1, usize::from));
     let pool = rayon::ThreadPoolBuilder::new()
         .num_threads(threads)
         .build()
         .map_err(|e| ConvertError::Threads(e.to_string()))?;
-    pool.install(|| Conversion { input, output, options, stages: Stages::new(progress), threads }.run())
+    pool.install(|| {
+        Conversion {
+            input,
+            output,
+            options,
+            stages: Stages::new(progress),
+            threads,
+        }
+        .run()
+    })
 }
 
 /// Regions wanted: about 30 for 100 k triangles, 250 for 5 M, and three for every handle.
@@ -139,7 +155,11 @@ pub fn convert(
 /// handles: 12% of its area lies in ragged regions at 120 wanted, 2% at 250).
 fn target_regions(triangles: usize, handles: usize) -> u32 {
     let regions = 30.0 * (triangles as f64 / 1e5).powf(0.55) + 3.0 * handles as f64;
-    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped")]
+    #[expect(
+        clippy::cast_possible_truncation,
+        clippy::cast_sign_loss,
+        reason = "clamped"
+    )]
     let regions = regions.round().clamp(4.0, 1e6) as u32;
     regions
 }
@@ -159,7 +179,12 @@ struct Stages<'a> {
 
 impl<'a> Stages<'a> {
     fn new(progress: &'a dyn Progress) -> Self {
-        Self { progress, reports: Vec::new(), started: Instant::now(), running: None }
+        Self {
+            progress,
+            reports: Vec::new(),
+            started: Instant::now(),
+            running: None,
+        }
     }
 
     fn begin(&mut self, name: &'static str) {
@@ -170,7 +195,10 @@ impl<'a> Stages<'a> {
 
     fn end(&mut self) {
         if let Some((name, since)) = self.running.take() {
-            self.reports.push(StageReport { name, seconds: since.elapsed().as_secs_f64() });
+            self.reports.push(StageReport {
+                name,
+                seconds: since.elapsed().as_secs_f64(),
+            });
         }
     }
 }
@@ -195,15 +223,26 @@ impl Conversion<'_> {
         let target = self.options.error_rel * diagonal;
 
         self.stages.begin("segment");
-        let segmentation = segment::segment(&mesh, target_regions(mesh.triangles.len(), handles(&mesh)));
+        let segmentation =
+            segment::segment(&mesh, target_regions(mesh.triangles.len(), handles(&mesh)));
         self.stages.begin("quadrangulate");
-        let Layout { mut patches, borders, .. } = self.layout(&mesh, segmentation)?;
-        chart_graph::sort_along_curve(&mut patches, min, (max - min).max_element().max(f64::MIN_POSITIVE));
+        let Layout {
+            mut patches,
+            borders,
+            ..
+        } = self.layout(&mesh, segmentation)?;
+        chart_graph::sort_along_curve(
+            &mut patches,
+            min,
+            (max - min).max_element().max(f64::MIN_POSITIVE),
+        );
         let glue = chart_graph::glue(&patches, borders.len());
 
         self.stages.begin("parametrize");
-        let parametrizations: Vec<Parametrization> =
-            patches.par_iter_mut().map(|patch| parameterize::parameterize(patch, &borders)).collect();
+        let parametrizations: Vec<Parametrization> = patches
+            .par_iter_mut()
+            .map(|patch| parameterize::parameterize(patch, &borders))
+            .collect();
 
         self.stages.begin("resample");
         let lattice = quantize::lattice(min, max, target);
@@ -225,14 +264,30 @@ impl Conversion<'_> {
         self.stages.begin("measure");
         let surface = quantize::finest_surface(&atlas.charts, &lattice);
         let measured = distance::measure(
-            distance::Mesh { positions: &surface.0, triangles: &surface.1 },
-            distance::Mesh { positions: &mesh.positions, triangles: &mesh.triangles },
+            distance::Mesh {
+                positions: &surface.0,
+                triangles: &surface.1,
+            },
+            distance::Mesh {
+                positions: &mesh.positions,
+                triangles: &mesh.triangles,
+            },
             MEASURED_SAMPLES,
         );
-        let rms = measured.as_ref().map_or(atlas.rms_error, distance::Distances::rms);
+        let rms = measured
+            .as_ref()
+            .map_or(atlas.rms_error, distance::Distances::rms);
         // The bound holds for the exact surfaces; never report less than what was seen.
-        let max_error = measured.as_ref().map_or(atlas.max_error, |m| m.hausdorff().max(atlas.max_error));
-        let relative = |length: f64| if diagonal > 0.0 { length / diagonal } else { 0.0 };
+        let max_error = measured
+            .as_ref()
+            .map_or(atlas.max_error, |m| m.hausdorff().max(atlas.max_error));
+        let relative = |length: f64| {
+            if diagonal > 0.0 {
+                length / diagonal
+            } else {
+                0.0
+            }
+        };
         let error = ErrorReport {
             target_rel: self.options.error_rel,
             max_rel: relative(max_error),
@@ -260,7 +315,11 @@ impl Conversion<'_> {
             rms_error_rel: error.rms_rel,
             source_triangles: import_report.triangles,
             source_vertices: import_report.vertices,
-            source_name: self.input.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default(),
+            source_name: self
+                .input
+                .file_name()
+                .map(|n| n.to_string_lossy().into_owned())
+                .unwrap_or_default(),
             generator: concat!("marquetry ", env!("CARGO_PKG_VERSION")).to_owned(),
         };
         let output = self.write(&metadata, &atlas)?;
@@ -288,10 +347,18 @@ impl Conversion<'_> {
     }
 
     /// Quads of the regions; regions with protrusions are split until none is lost.
-    fn layout(&self, mesh: &ManifoldMesh, mut segmentation: Segmentation) -> Result<Layout, ConvertError> {
+    fn layout(
+        &self,
+        mesh: &ManifoldMesh,
+        mut segmentation: Segmentation,
+    ) -> Result<Layout, ConvertError> {
         let quadrangulate = |segmentation: &Segmentation| {
-            quadrangulate::quadrangulate(mesh, segmentation)
-                .map_err(|source| ConvertError::Layout { path: self.input.to_owned(), source })
+            quadrangulate::quadrangulate(mesh, segmentation).map_err(|source| {
+                ConvertError::Layout {
+                    path: self.input.to_owned(),
+                    source,
+                }
+            })
         };
         let mut layout = quadrangulate(&segmentation)?;
         let mut split = vec![false; mesh.positions.len()];
@@ -299,20 +366,36 @@ impl Conversion<'_> {
             if layout.specks.is_empty() {
                 break;
             }
-            let Some(parts) = segment::split_at(mesh, &segmentation, &layout.specks, &mut split) else { break };
+            let Some(parts) = segment::split_at(mesh, &segmentation, &layout.specks, &mut split)
+            else {
+                break;
+            };
             segmentation = parts;
             layout = quadrangulate(&segmentation)?;
         }
         if !layout.specks.is_empty() {
-            tracing::warn!(regions = layout.specks.len(), "protrusions stay that are too long to be sampled well");
+            tracing::warn!(
+                regions = layout.specks.len(),
+                "protrusions stay that are too long to be sampled well"
+            );
         }
         Ok(layout)
     }
 
     /// Writes beside the output, reads back, syncs, renames.
-    fn write(&self, metadata: &Metadata, atlas: &build::Atlas) -> Result<OutputReport, ConvertError> {
-        let failed = |source| ConvertError::Output { path: self.output.to_owned(), source };
-        let unreadable = |source| ConvertError::Format { path: self.output.to_owned(), source };
+    fn write(
+        &self,
+        metadata: &Metadata,
+        atlas: &build::Atlas,
+    ) -> Result<OutputReport, ConvertError> {
+        let failed = |source| ConvertError::Output {
+            path: self.output.to_owned(),
+            source,
+        };
+        let unreadable = |source| ConvertError::Format {
+            path: self.output.to_owned(),
+            source,
+        };
         let folder = match self.output.parent() {
             Some(parent) if !parent.as_os_str().is_empty() => parent,
             _ => Path::new("."),
@@ -324,8 +407,8 @@ impl Conversion<'_> {
             .map_err(failed)?;
         let bytes = {
             let mut out = std::io::BufWriter::new(file.as_file_mut());
-            let bytes =
-                writer::write_atlas(metadata, &metadata.lattice, &atlas.charts, &mut out).map_err(unreadable)?;
+            let bytes = writer::write_atlas(metadata, &metadata.lattice, &atlas.charts, &mut out)
+                .map_err(unreadable)?;
             out.flush().map_err(failed)?;
             bytes
         };
@@ -333,7 +416,12 @@ impl Conversion<'_> {
         let mut document = Document::open(&source, Limits::default()).map_err(unreadable)?;
         document.load_index(&source).map_err(unreadable)?;
         file.as_file().sync_all().map_err(failed)?;
-        let levels = atlas.charts.iter().map(|c| quantize::finest_resolution(&c.root)).max().unwrap_or(0);
+        let levels = atlas
+            .charts
+            .iter()
+            .map(|c| quantize::finest_resolution(&c.root))
+            .max()
+            .unwrap_or(0);
         file.persist(self.output).map_err(|e| failed(e.error))?;
         Ok(OutputReport {
             path: self.output.display().to_string(),
@@ -353,7 +441,9 @@ fn handles(mesh: &ManifoldMesh) -> usize {
     let (_, components) = mesh.components();
     let loops = boundary_loops(mesh);
     // V - E + F = 2 (components - handles) - loops
-    (2 * components as usize + edges).saturating_sub(mesh.positions.len() + mesh.triangles.len() + loops) / 2
+    (2 * components as usize + edges)
+        .saturating_sub(mesh.positions.len() + mesh.triangles.len() + loops)
+        / 2
 }
 
 fn boundary_loops(mesh: &ManifoldMesh) -> usize {
@@ -378,5 +468,7 @@ fn boundary_loops(mesh: &ManifoldMesh) -> usize {
 fn bounds(positions: &[DVec3]) -> (DVec3, DVec3) {
     positions
         .iter()
-        .fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(min, max), &p| (min.min(p), max.max(p)))
+        .fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(min, max), &p| {
+            (min.min(p), max.max(p))
+        })
 }

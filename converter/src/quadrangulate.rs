@@ -57,8 +57,15 @@ pub enum QuadrangulateError {
 ///
 /// # Errors
 /// When the labels break the promises of [`Segmentation`], or a region's flattening folds.
-pub fn quadrangulate(mesh: &ManifoldMesh, segmentation: &Segmentation) -> Result<Layout, QuadrangulateError> {
-    let arcs::Cut { points, arcs, regions } = arcs::cut(mesh, segmentation)?;
+pub fn quadrangulate(
+    mesh: &ManifoldMesh,
+    segmentation: &Segmentation,
+) -> Result<Layout, QuadrangulateError> {
+    let arcs::Cut {
+        points,
+        arcs,
+        regions,
+    } = arcs::cut(mesh, segmentation)?;
     let mut borders: Vec<Border> = Vec::with_capacity(2 * arcs.len());
     for arc in &arcs {
         borders.push(points.border(&arc.points[..=arc.middle]));
@@ -84,5 +91,9 @@ pub fn quadrangulate(mesh: &ManifoldMesh, segmentation: &Segmentation) -> Result
         borders.append(&mut region.spokes);
         patches.append(&mut region.patches);
     }
-    Ok(Layout { patches, borders, specks })
+    Ok(Layout {
+        patches,
+        borders,
+        specks,
+    })
 }

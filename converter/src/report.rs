@@ -119,7 +119,13 @@ impl Merged {
 }
 
 fn counts(account: &Account, reasons: &[Reason]) -> (usize, Vec<String>) {
-    let found = reasons.iter().map(|&r| (r, account.lost(r).triangles)).filter(|&(_, n)| n > 0);
-    let words = found.clone().map(|(reason, n)| format!("{n}: {reason}")).collect();
+    let found = reasons
+        .iter()
+        .map(|&r| (r, account.lost(r).triangles))
+        .filter(|&(_, n)| n > 0);
+    let words = found
+        .clone()
+        .map(|(reason, n)| format!("{n}: {reason}"))
+        .collect();
     (found.map(|(_, n)| n).sum(), words)
 }

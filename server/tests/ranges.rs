@@ -139,13 +139,25 @@ fn check(fixture: &Fixture, range: &str, expected: Expected) {
         }
         Expected::Unsatisfiable => {
             assert_eq!(answer.status, 416, "{range}");
-            assert_eq!(found_range, Some(format!("bytes */{n}").as_str()), "{range}");
+            assert_eq!(
+                found_range,
+                Some(format!("bytes */{n}").as_str()),
+                "{range}"
+            );
         }
     }
     let length = answer.body.len().to_string();
-    assert_eq!(answer.header("content-length"), Some(length.as_str()), "{range}");
+    assert_eq!(
+        answer.header("content-length"),
+        Some(length.as_str()),
+        "{range}"
+    );
     if answer.status != 416 {
-        assert_eq!(answer.header("etag"), Some(fixture.etag.as_str()), "{range}");
+        assert_eq!(
+            answer.header("etag"),
+            Some(fixture.etag.as_str()),
+            "{range}"
+        );
         assert_eq!(answer.header("accept-ranges"), Some("bytes"), "{range}");
     }
 }

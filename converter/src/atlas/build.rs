@@ -65,8 +65,13 @@ pub fn build(surface: &Surface<'_>, progress: &(dyn Fn(f64) + Sync)) -> Atlas {
             tried
         })
         .collect();
-    let mut depth = Depth { roots: tries.iter().map(|t| t.wanted).collect(), nodes: BTreeSet::new() };
-    depth.nodes.extend(tries.iter().flat_map(|t| t.nodes.keys()));
+    let mut depth = Depth {
+        roots: tries.iter().map(|t| t.wanted).collect(),
+        nodes: BTreeSet::new(),
+    };
+    depth
+        .nodes
+        .extend(tries.iter().flat_map(|t| t.nodes.keys()));
     depth.balance(surface.glue);
     let built: Vec<Built> = tries
         .into_par_iter()
@@ -77,16 +82,28 @@ pub fn build(surface: &Surface<'_>, progress: &(dyn Fn(f64) + Sync)) -> Atlas {
             built
         })
         .collect();
-    let mut atlas = Atlas { charts: Vec::with_capacity(count), max_error: 0.0, rms_error: 0.0, samples: 0 };
+    let mut atlas = Atlas {
+        charts: Vec::with_capacity(count),
+        max_error: 0.0,
+        rms_error: 0.0,
+        samples: 0,
+    };
     let (mut square, mut area) = (0.0, 0.0);
     for (built, &glue) in built.into_iter().zip(surface.glue) {
         atlas.max_error = atlas.max_error.max(built.finest.max);
         square += built.finest.mean_square * built.finest.area;
         area += built.finest.area;
         atlas.samples += built.samples;
-        atlas.charts.push(ChartInput { glue, root: built.root });
+        atlas.charts.push(ChartInput {
+            glue,
+            root: built.root,
+        });
     }
-    atlas.rms_error = if area > 0.0 { (square / area).sqrt() } else { 0.0 };
+    atlas.rms_error = if area > 0.0 {
+        (square / area).sqrt()
+    } else {
+        0.0
+    };
     atlas
 }
 
@@ -116,19 +133,28 @@ struct ChartSampler<'a> {
 }
 
 fn window(node: NodeId) -> Window {
-    Window { resolution: PAGE_RESOLUTION + node.level, x: node.x * CELLS, y: node.y * CELLS, cells: CELLS }
+    Window {
+        resolution: PAGE_RESOLUTION + node.level,
+        x: node.x * CELLS,
+        y: node.y * CELLS,
+        cells: CELLS,
+    }
 }
 
 impl<'a> ChartSampler<'a> {
     fn new(surface: &'a Surface<'a>, chart: usize) -> Self {
         let sampler = Sampler::new(&surface.patches[chart], &surface.parametrizations[chart]);
-        Self { surface, sampler, root: NodeId::root(ChartId(u32::try_from(chart).unwrap_or(u32::MAX))) }
+        Self {
+            surface,
+            sampler,
+            root: NodeId::root(ChartId(u32::try_from(chart).unwrap_or(u32::MAX))),
+        }
     }
 
     fn good(&self, error: &GridError, samples: &PageSamples) -> bool {
         let target = self.surface.target;
-        error.mean_square.sqrt() <= target
-            && error.max_plane <= MAX_OVER_TARGET * target || self.is_fine(samples)
+        error.mean_square.sqrt() <= target && error.max_plane <= MAX_OVER_TARGET * target
+            || self.is_fine(samples)
     }
 
     /// Whether cells are no larger than the target: finer ones show nothing more.
@@ -140,8 +166,11 @@ impl<'a> ChartSampler<'a> {
                 max[k] = max[k].max(p[k]);
             }
         }
-        let extent = (0..3).map(|k| f64::from(max[k] - min[k])).fold(0.0, f64::max);
-        extent * self.surface.lattice.step <= self.surface.target * f64::from(1u32 << samples.resolution)
+        let extent = (0..3)
+            .map(|k| f64::from(max[k] - min[k]))
+            .fold(0.0, f64::max);
+        extent * self.surface.lattice.step
+            <= self.surface.target * f64::from(1u32 << samples.resolution)
     }
 
     /// Largest distance of the chart's open borders from the polyline that a resolution draws. Distances to tangent
@@ -158,12 +187,18 @@ impl<'a> ChartSampler<'a> {
 
     fn samples(&self, window: Window) -> PageSamples {
         let grid = self.sampler.grid(self.surface.borders, window);
-        quantize::samples(&grid, window.cells, &self.surface.lattice, self.surface.colours)
+        quantize::samples(
+            &grid,
+            window.cells,
+            &self.surface.lattice,
+            self.surface.colours,
+        )
     }
 
     /// Errors of `samples` at every resolution of the window.
     fn errors(&self, window: Window, samples: &PageSamples) -> Vec<GridError> {
-        self.sampler.errors(window, &world_positions(samples, &self.surface.lattice))
+        self.sampler
+            .errors(window, &world_positions(samples, &self.surface.lattice))
     }
 
     /// Finds the root resolution and the deeper nodes that the chart's own error asks for, and keeps what that took.
@@ -189,14 +224,20 @@ impl<'a> ChartSampler<'a> {
     }
 
     /// Adds the children of `node`, and theirs where they are not good yet.
-    fn refine(&self, node: NodeId, error: &GridError, nodes: &mut BTreeMap<NodeId, (PageSamples, GridError)>) {
+    fn refine(
+        &self,
+        node: NodeId,
+        error: &GridError,
+        nodes: &mut BTreeMap<NodeId, (PageSamples, GridError)>,
+    ) {
         if node.level >= DEEPEST_LEVEL {
             return;
         }
         for child in (0..4).map(|q| node.child(Quadrant(q))) {
             let (samples, own) = self.node(child);
             // A spike that sampling does not catch is not worth ever more pages.
-            let gains = own.max_plane < 0.9 * error.max_plane || own.mean_square > self.surface.target.powi(2);
+            let gains = own.max_plane < 0.9 * error.max_plane
+                || own.mean_square > self.surface.target.powi(2);
             let deeper = gains && !self.good(&own, &samples);
             nodes.insert(child, (samples, own));
             if deeper {
@@ -207,7 +248,11 @@ impl<'a> ChartSampler<'a> {
 
     fn node(&self, node: NodeId) -> (PageSamples, GridError) {
         let samples = self.samples(window(node));
-        let error = self.errors(window(node), &samples).last().copied().unwrap_or_default();
+        let error = self
+            .errors(window(node), &samples)
+            .last()
+            .copied()
+            .unwrap_or_default();
         (samples, error)
     }
 
@@ -225,14 +270,26 @@ impl<'a> ChartSampler<'a> {
         let children = self.children(self.root, depth, &mut tried.nodes, &mut finest, &mut count);
         let cone = summary::of(&samples, children.as_deref());
         // Errors never grow on the way down.
-        let mut bounds: Vec<f32> = errors.iter().map(|e| self.in_lattice_units(e.max)).collect();
+        let mut bounds: Vec<f32> = errors
+            .iter()
+            .map(|e| self.in_lattice_units(e.max))
+            .collect();
         let mut floor = deepest_error(children.as_deref());
         for bound in bounds.iter_mut().rev() {
             floor = floor.max(*bound);
             *bound = floor;
         }
-        let root = NodeInput { samples, errors: bounds, cone, children };
-        Built { root, finest, samples: count }
+        let root = NodeInput {
+            samples,
+            errors: bounds,
+            cone,
+            children,
+        };
+        Built {
+            root,
+            finest,
+            samples: count,
+        }
     }
 
     /// The children of `node`, if the file holds them. Replaces `finest` by the error of what lies below.
@@ -260,23 +317,42 @@ impl<'a> ChartSampler<'a> {
             below.max_plane = below.max_plane.max(leaf.max_plane);
             below.area += leaf.area;
             square += leaf.mean_square * leaf.area;
-            let bound = self.in_lattice_units(error.max).max(deepest_error(children.as_deref()));
+            let bound = self
+                .in_lattice_units(error.max)
+                .max(deepest_error(children.as_deref()));
             let cone = summary::of(&samples, children.as_deref());
-            NodeInput { samples, errors: vec![bound], cone, children }
+            NodeInput {
+                samples,
+                errors: vec![bound],
+                cone,
+                children,
+            }
         });
-        below.mean_square = if below.area > 0.0 { square / below.area } else { 0.0 };
+        below.mean_square = if below.area > 0.0 {
+            square / below.area
+        } else {
+            0.0
+        };
         *finest = below;
         Some(Box::new(children))
     }
 
     /// Length in lattice units, rounded up.
     fn in_lattice_units(&self, length: f64) -> f32 {
-        #[expect(clippy::cast_possible_truncation, reason = "rounded up by the next line")]
+        #[expect(
+            clippy::cast_possible_truncation,
+            reason = "rounded up by the next line"
+        )]
         let units = (length / self.surface.lattice.step) as f32;
         units.next_up()
     }
 }
 
 fn deepest_error(children: Option<&[NodeInput; 4]>) -> f32 {
-    children.into_iter().flatten().flat_map(|c| &c.errors).copied().fold(0.0, f32::max)
+    children
+        .into_iter()
+        .flatten()
+        .flat_map(|c| &c.errors)
+        .copied()
+        .fold(0.0, f32::max)
 }

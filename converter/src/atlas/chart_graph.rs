@@ -17,8 +17,11 @@ pub fn glue(patches: &[Patch], borders: usize) -> Vec<[Option<Glue>; 4]> {
         if let [a, b] = pair[..] {
             let reversed = a.2 != b.2;
             for (from, to) in [(a, b), (b, a)] {
-                glue[from.0 as usize][usize::from(from.1)] =
-                    Some(Glue { chart: ChartId(to.0), side: Side(to.1), reversed });
+                glue[from.0 as usize][usize::from(from.1)] = Some(Glue {
+                    chart: ChartId(to.0),
+                    side: Side(to.1),
+                    reversed,
+                });
             }
         }
     }
@@ -31,7 +34,8 @@ pub fn sort_along_curve(patches: &mut Vec<Patch>, min: DVec3, size: f64) {
         .into_iter()
         .enumerate()
         .map(|(i, patch)| {
-            let centre = patch.positions.iter().sum::<DVec3>() / patch.positions.len().max(1) as f64;
+            let centre =
+                patch.positions.iter().sum::<DVec3>() / patch.positions.len().max(1) as f64;
             (hilbert_key((centre - min) / size), i, patch)
         })
         .collect();
@@ -44,8 +48,14 @@ const CURVE_BITS: u32 = 10;
 /// Place along a Hilbert curve through the unit cube (Skilling, "Programming the Hilbert curve", 2004).
 fn hilbert_key(p: DVec3) -> u64 {
     let cells = f64::from(1u32 << CURVE_BITS);
-    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped to the grid")]
-    let mut x = p.to_array().map(|c| (c * cells).clamp(0.0, cells - 1.0) as u32);
+    #[expect(
+        clippy::cast_possible_truncation,
+        clippy::cast_sign_loss,
+        reason = "clamped to the grid"
+    )]
+    let mut x = p
+        .to_array()
+        .map(|c| (c * cells).clamp(0.0, cells - 1.0) as u32);
     let mut q = 1 << (CURVE_BITS - 1);
     while q > 1 {
         let low = q - 1;
@@ -71,7 +81,10 @@ fn hilbert_key(p: DVec3) -> u64 {
         q >>= 1;
     }
     let x = x.map(|c| c ^ t);
-    (0..CURVE_BITS).rev().fold(0, |key, bit| x.iter().fold(key, |key, c| key << 1 | u64::from(c >> bit & 1)))
+    (0..CURVE_BITS).rev().fold(0, |key, bit| {
+        x.iter()
+            .fold(key, |key, c| key << 1 | u64::from(c >> bit & 1))
+    })
 }
 
 #[cfg(test)]

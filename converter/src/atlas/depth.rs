@@ -18,11 +18,17 @@ impl Depth {
     /// differ by at most one.
     pub fn balance(&mut self, glue: &[[Option<Glue>; 4]]) {
         let mut queue: Vec<NodeId> = self.nodes.iter().copied().collect();
-        queue.extend((0u32..).zip(&self.roots).map(|(chart, _)| NodeId::root(ChartId(chart))));
+        queue.extend(
+            (0u32..)
+                .zip(&self.roots)
+                .map(|(chart, _)| NodeId::root(ChartId(chart))),
+        );
         while let Some(node) = queue.pop() {
             let sides = &glue[node.chart.0 as usize];
             for side in (0..4).map(Side) {
-                let Some((beside, _, _)) = node.neighbour(side, sides) else { continue };
+                let Some((beside, _, _)) = node.neighbour(side, sides) else {
+                    continue;
+                };
                 match beside.parent() {
                     Some((coarser, _)) => self.ensure(coarser, PAGE_RESOLUTION, &mut queue),
                     None => {
@@ -65,7 +71,13 @@ mod tests {
     fn strip(charts: u32) -> Vec<[Option<Glue>; 4]> {
         (0..charts)
             .map(|c| {
-                let to = |chart: u32, side| Some(Glue { chart: ChartId(chart), side: Side(side), reversed: true });
+                let to = |chart: u32, side| {
+                    Some(Glue {
+                        chart: ChartId(chart),
+                        side: Side(side),
+                        reversed: true,
+                    })
+                };
                 [
                     None,
                     if c + 1 < charts { to(c + 1, 3) } else { None },
@@ -78,14 +90,20 @@ mod tests {
 
     #[test]
     fn resolutions_fall_by_one_a_chart() {
-        let mut depth = Depth { roots: vec![5, 1, 1, 1, 1, 1], nodes: BTreeSet::new() };
+        let mut depth = Depth {
+            roots: vec![5, 1, 1, 1, 1, 1],
+            nodes: BTreeSet::new(),
+        };
         depth.balance(&strip(6));
         assert_eq!(depth.roots, [5, 4, 3, 2, 1, 1]);
     }
 
     #[test]
     fn a_deep_node_deepens_its_neighbours() {
-        let mut depth = Depth { roots: vec![2, 5, 2], nodes: BTreeSet::new() };
+        let mut depth = Depth {
+            roots: vec![2, 5, 2],
+            nodes: BTreeSet::new(),
+        };
         let root = NodeId::root(ChartId(1));
         for q in (0..4).map(Quadrant) {
             depth.nodes.insert(root.child(q));
@@ -94,7 +112,13 @@ mod tests {
         depth.balance(&strip(3));
         // Level 2 at the left border asks for level 1 there; level 1 at the right for resolution 5.
         assert_eq!(depth.roots, [5, 5, 5]);
-        assert_eq!(depth.nodes.iter().filter(|n| n.chart == ChartId(0)).count(), 4);
-        assert_eq!(depth.nodes.iter().filter(|n| n.chart == ChartId(2)).count(), 0);
+        assert_eq!(
+            depth.nodes.iter().filter(|n| n.chart == ChartId(0)).count(),
+            4
+        );
+        assert_eq!(
+            depth.nodes.iter().filter(|n| n.chart == ChartId(2)).count(),
+            0
+        );
     }
 }

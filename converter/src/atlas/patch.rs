@@ -27,7 +27,10 @@ impl Border {
     pub fn chord_error(&self, resolution: u8) -> f64 {
         let cells = f64::from(1u32 << resolution);
         let at = |t: f64| {
-            let i = self.params.partition_point(|&p| p <= t).clamp(1, self.params.len() - 1);
+            let i = self
+                .params
+                .partition_point(|&p| p <= t)
+                .clamp(1, self.params.len() - 1);
             let (p, q) = (self.params[i - 1], self.params[i]);
             self.points[i - 1].lerp(self.points[i], ((t - p) / (q - p)).clamp(0.0, 1.0))
         };

@@ -14,7 +14,11 @@ pub fn lattice(min: DVec3, max: DVec3, step: f64) -> Lattice {
     let size = (max - min).max_element();
     let cells = f64::from((1u32 << LATTICE_BITS) - 1);
     // A model that is one point still needs a lattice with extent.
-    let unit = if size > 0.0 { size / cells } else { 1.0 / cells };
+    let unit = if size > 0.0 {
+        size / cells
+    } else {
+        1.0 / cells
+    };
     let mut shift = 0u8;
     while shift < 15 && unit * f64::from(2u32 << shift) <= step {
         shift += 1;
@@ -22,7 +26,11 @@ pub fn lattice(min: DVec3, max: DVec3, step: f64) -> Lattice {
     // Rounding up to a multiple of 2^shift must not leave the lattice.
     let cells = cells - f64::from(1u32 << shift);
     let unit = if size > 0.0 { size / cells } else { unit };
-    Lattice { origin: min.to_array(), step: unit, shift }
+    Lattice {
+        origin: min.to_array(),
+        step: unit,
+        shift,
+    }
 }
 
 /// The lattice point nearest to `position` among the multiples of `2^shift`.
@@ -30,8 +38,14 @@ pub fn lattice_from_world(lattice: &Lattice, position: DVec3) -> [u32; 3] {
     let coarse = f64::from(1u32 << lattice.shift);
     let most = f64::from(((1u32 << LATTICE_BITS) - 1) >> lattice.shift);
     let cell = (position - DVec3::from_array(lattice.origin)) / (lattice.step * coarse);
-    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped to the lattice")]
-    let point = cell.to_array().map(|c| ((c + 0.5).floor().clamp(0.0, most) as u32) << lattice.shift);
+    #[expect(
+        clippy::cast_possible_truncation,
+        clippy::cast_sign_loss,
+        reason = "clamped to the lattice"
+    )]
+    let point = cell
+        .to_array()
+        .map(|c| ((c + 0.5).floor().clamp(0.0, most) as u32) << lattice.shift);
     point
 }
 
@@ -39,10 +53,21 @@ pub fn lattice_from_world(lattice: &Lattice, position: DVec3) -> [u32; 3] {
 pub fn samples(grid: &Grid, cells: u32, lattice: &Lattice, colours: bool) -> PageSamples {
     PageSamples {
         resolution: u8::try_from(cells.trailing_zeros()).unwrap_or(u8::MAX),
-        positions: grid.positions.iter().map(|&p| lattice_from_world(lattice, p)).collect(),
-        normals: grid.attributes.iter().map(|a| marquetry_format::octahedral::encode(a.normal.to_array())).collect(),
+        positions: grid
+            .positions
+            .iter()
+            .map(|&p| lattice_from_world(lattice, p))
+            .collect(),
+        normals: grid
+            .attributes
+            .iter()
+            .map(|a| marquetry_format::octahedral::encode(a.normal.to_array()))
+            .collect(),
         colours: if colours {
-            grid.attributes.iter().map(|a| super::colour::srgb_from_linear(a.colour)).collect()
+            grid.attributes
+                .iter()
+                .map(|a| super::colour::srgb_from_linear(a.colour))
+                .collect()
         } else {
             Vec::new()
         },
@@ -52,7 +77,11 @@ pub fn samples(grid: &Grid, cells: u32, lattice: &Lattice, colours: bool) -> Pag
 
 /// World positions of quantized samples.
 pub fn world_positions(samples: &PageSamples, lattice: &Lattice) -> Vec<DVec3> {
-    samples.positions.iter().map(|&p| lattice.world_from_lattice(p)).collect()
+    samples
+        .positions
+        .iter()
+        .map(|&p| lattice.world_from_lattice(p))
+        .collect()
 }
 
 /// The samples that a coarser `resolution` has.
@@ -61,7 +90,9 @@ pub fn coarsen(samples: PageSamples, resolution: u8) -> PageSamples {
         if all.is_empty() {
             return Vec::new();
         }
-        (0..coarse * coarse).map(|k| all[k / coarse * stride * side + k % coarse * stride]).collect()
+        (0..coarse * coarse)
+            .map(|k| all[k / coarse * stride * side + k % coarse * stride])
+            .collect()
     }
     if resolution >= samples.resolution {
         return samples;
@@ -85,7 +116,11 @@ pub fn finest_resolution(node: &NodeInput) -> u8 {
         .map(|child| 1 + finest_resolution(child))
         .max()
         .unwrap_or(0)
-        .max(if node.children.is_some() { 0 } else { node.samples.resolution })
+        .max(if node.children.is_some() {
+            0
+        } else {
+            node.samples.resolution
+        })
 }
 
 /// All leaf nodes as one triangle mesh in world units; borders between nodes are not joined.

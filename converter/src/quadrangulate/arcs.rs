@@ -19,10 +19,16 @@ impl Points {
         let attributes = (0..mesh.positions.len())
             .map(|v| Attributes {
                 normal: mesh.normals.get(v).map_or(Vec3::ZERO, |n| n.as_vec3()),
-                colour: mesh.colours.get(v).map_or(Vec3::ZERO, |&c| crate::atlas::colour::linear_from_srgb(c)),
+                colour: mesh
+                    .colours
+                    .get(v)
+                    .map_or(Vec3::ZERO, |&c| crate::atlas::colour::linear_from_srgb(c)),
             })
             .collect();
-        Self { positions: mesh.positions.clone(), attributes }
+        Self {
+            positions: mesh.positions.clone(),
+            attributes,
+        }
     }
 
     fn push(&mut self, position: DVec3, attributes: Attributes) -> u32 {
@@ -43,7 +49,11 @@ impl Points {
     /// Adds the mean of `ids`.
     pub(super) fn mean(&mut self, ids: &[u32]) -> u32 {
         let n = ids.len() as f64;
-        let position = ids.iter().map(|&i| self.positions[i as usize]).sum::<DVec3>() / n;
+        let position = ids
+            .iter()
+            .map(|&i| self.positions[i as usize])
+            .sum::<DVec3>()
+            / n;
         let attributes = mean(ids.iter().map(|&i| &self.attributes[i as usize]));
         self.push(position, attributes)
     }
@@ -75,7 +85,10 @@ pub(super) fn mean<'a>(of: impl Iterator<Item = &'a Attributes>) -> Attributes {
         colour += a.colour;
         n += 1.0;
     }
-    Attributes { normal: normal.normalize_or_zero(), colour: colour / n.max(1.0) }
+    Attributes {
+        normal: normal.normalize_or_zero(),
+        colour: colour / n.max(1.0),
+    }
 }
 
 /// A border through `points`, parametrized by arc length, strictly increasing even where points coincide.
@@ -83,7 +96,11 @@ pub(super) fn border(points: Vec<DVec3>, attributes: Vec<Attributes>) -> Border 
     let segments: Vec<f64> = points.windows(2).map(|w| w[0].distance(w[1])).collect();
     let total: f64 = segments.iter().sum();
     // Coincident points still need different parameters.
-    let floor = if total > 0.0 { 1e-6 * total / segments.len() as f64 } else { 1.0 };
+    let floor = if total > 0.0 {
+        1e-6 * total / segments.len() as f64
+    } else {
+        1.0
+    };
     let total: f64 = segments.iter().map(|s| s.max(floor)).sum();
     let mut params = Vec::with_capacity(points.len());
     let mut at = 0.0;
@@ -95,7 +112,11 @@ pub(super) fn border(points: Vec<DVec3>, attributes: Vec<Attributes>) -> Border 
     if let Some(last) = params.last_mut() {
         *last = 1.0;
     }
-    Border { points, attributes, params }
+    Border {
+        points,
+        attributes,
+        params,
+    }
 }
 
 /// The whole border curve between two regions, from corner to corner.
@@ -194,7 +215,12 @@ impl Tracer<'_> {
                 points.push(centre);
             }
             let (left, right) = (self.label(self.start(h)), self.label(self.start(next(h))));
-            arcs.push(Arc { points, middle: 0, left, right });
+            arcs.push(Arc {
+                points,
+                middle: 0,
+                left,
+                right,
+            });
         }
         for h in 0..half_edges {
             let centre = self.centres[h as usize / 3];
@@ -204,7 +230,12 @@ impl Tracer<'_> {
             let mut points = vec![centre];
             self.trace(h, &mut points, &mut visited);
             let (left, right) = (self.label(self.start(next(h))), self.label(self.start(h)));
-            arcs.push(Arc { points, middle: 0, left, right });
+            arcs.push(Arc {
+                points,
+                middle: 0,
+                left,
+                right,
+            });
         }
         arcs
     }
@@ -235,7 +266,12 @@ impl Tracer<'_> {
                     break;
                 }
             }
-            arcs.push(Arc { points, middle: 0, left, right: NONE });
+            arcs.push(Arc {
+                points,
+                middle: 0,
+                left,
+                right: NONE,
+            });
         }
     }
 }
@@ -256,7 +292,10 @@ fn open_corner(arc: &Arc, points: &Points) -> Option<usize> {
     }
     let total = lengths.last().copied().unwrap_or(0.0);
     let turn = |i: usize| {
-        let (before, after) = ((at(i) - at(i - 1)).normalize_or_zero(), (at(i + 1) - at(i)).normalize_or_zero());
+        let (before, after) = (
+            (at(i) - at(i - 1)).normalize_or_zero(),
+            (at(i + 1) - at(i)).normalize_or_zero(),
+        );
         before.dot(after)
     };
     (1..arc.points.len().saturating_sub(1))
@@ -269,12 +308,19 @@ fn open_corner(arc: &Arc, points: &Points) -> Option<usize> {
 
 /// Finds or makes the middle of `arc`.
 fn set_middle(arc: &mut Arc, points: &mut Points, middles: &mut HashMap<(u32, u32), u32>) {
-    if let Some(corner) = (arc.right == NONE).then(|| open_corner(arc, points)).flatten() {
+    if let Some(corner) = (arc.right == NONE)
+        .then(|| open_corner(arc, points))
+        .flatten()
+    {
         arc.middle = corner;
         return;
     }
     let at = |i: u32| points.positions[i as usize];
-    let lengths: Vec<f64> = arc.points.windows(2).map(|w| at(w[0]).distance(at(w[1]))).collect();
+    let lengths: Vec<f64> = arc
+        .points
+        .windows(2)
+        .map(|w| at(w[0]).distance(at(w[1])))
+        .collect();
     let half = 0.5 * lengths.iter().sum::<f64>();
     let mut before = 0.0;
     let mut segment = lengths.len() / 2;
@@ -304,7 +350,10 @@ fn set_middle(arc: &mut Arc, points: &mut Points, middles: &mut HashMap<(u32, u3
 }
 
 /// Cuts `mesh` along the borders of its regions.
-pub(super) fn cut(mesh: &ManifoldMesh, segmentation: &Segmentation) -> Result<Cut, QuadrangulateError> {
+pub(super) fn cut(
+    mesh: &ManifoldMesh,
+    segmentation: &Segmentation,
+) -> Result<Cut, QuadrangulateError> {
     let labels = &segmentation.labels;
     let mut points = Points::new(mesh);
     let mut cuts = vec![NONE; 3 * mesh.triangles.len()];
@@ -331,17 +380,28 @@ pub(super) fn cut(mesh: &ManifoldMesh, segmentation: &Segmentation) -> Result<Cu
             centres[t] = points.mean(&[cuts[3 * t], cuts[3 * t + 1], cuts[3 * t + 2]]);
         }
     }
-    let tracer = Tracer { mesh, labels, cuts, centres };
+    let tracer = Tracer {
+        mesh,
+        labels,
+        cuts,
+        centres,
+    };
     let mut arcs = tracer.interior_arcs();
     tracer.open_arcs(&mut arcs);
     let mut middles = HashMap::new();
     for arc in &mut arcs {
         set_middle(arc, &mut points, &mut middles);
     }
-    let mut regions: Vec<Outline> = (0..segmentation.regions).map(|_| Outline::default()).collect();
+    let mut regions: Vec<Outline> = (0..segmentation.regions)
+        .map(|_| Outline::default())
+        .collect();
     push_triangles(&tracer, &mut points, &middles, &mut regions);
     order_sides(&arcs, &mut regions)?;
-    Ok(Cut { points, arcs, regions })
+    Ok(Cut {
+        points,
+        arcs,
+        regions,
+    })
 }
 
 /// Gives every region its pieces of the mesh's triangles.
@@ -386,11 +446,17 @@ fn push_triangles(
             push(points, label[0], &triangle);
         } else if tracer.centres[t] != NONE {
             for k in 0..3 {
-                push(points, label[k], &[triangle[k], cut(k), tracer.centres[t], cut((k + 2) % 3)]);
+                push(
+                    points,
+                    label[k],
+                    &[triangle[k], cut(k), tracer.centres[t], cut((k + 2) % 3)],
+                );
             }
         } else {
             // The corner that is alone, then the two that are together.
-            let k = (0..3).find(|&k| label[(k + 1) % 3] == label[(k + 2) % 3]).unwrap_or(0);
+            let k = (0..3)
+                .find(|&k| label[(k + 1) % 3] == label[(k + 2) % 3])
+                .unwrap_or(0);
             let (a, b, c) = (triangle[k], triangle[(k + 1) % 3], triangle[(k + 2) % 3]);
             let (ab, ca) = (cut(k), cut((k + 2) % 3));
             push(points, label[k], &[a, ab, ca]);
@@ -409,11 +475,18 @@ fn order_sides(arcs: &[Arc], regions: &mut [Outline]) -> Result<(), Quadrangulat
         }
     }
     for (id, region) in regions.iter_mut().enumerate() {
-        let fault = |fault| QuadrangulateError::Structure { region: u32::try_from(id).unwrap_or(NONE), fault };
+        let fault = |fault| QuadrangulateError::Structure {
+            region: u32::try_from(id).unwrap_or(NONE),
+            fault,
+        };
         let ends = |&(arc, forward): &(u32, bool)| {
             let p = &arcs[arc as usize].points;
             let (first, last) = (p[0], p[p.len() - 1]);
-            if forward { (first, last) } else { (last, first) }
+            if forward {
+                (first, last)
+            } else {
+                (last, first)
+            }
         };
         if region.sides.len() < 3 {
             return Err(fault("fewer than three sides"));
@@ -421,7 +494,10 @@ fn order_sides(arcs: &[Arc], regions: &mut [Outline]) -> Result<(), Quadrangulat
         let mut ordered = vec![region.sides[0]];
         while ordered.len() < region.sides.len() {
             let end = ends(&ordered[ordered.len() - 1]).1;
-            let following = region.sides.iter().find(|s| ends(s).0 == end && !ordered.contains(s));
+            let following = region
+                .sides
+                .iter()
+                .find(|s| ends(s).0 == end && !ordered.contains(s));
             ordered.push(*following.ok_or_else(|| fault("its sides are not one loop"))?);
         }
         if ends(&ordered[ordered.len() - 1]).1 != ends(&ordered[0]).0 {

@@ -38,12 +38,25 @@ pub(super) struct Region {
 
 impl Region {
     /// `mesh_vertices` is how many of the first points are the mesh's own vertices.
-    pub(super) fn new(id: u32, mesh_vertices: usize, points: &Points, arcs: &[Arc], outline: Outline) -> Result<Self, QuadrangulateError> {
+    pub(super) fn new(
+        id: u32,
+        mesh_vertices: usize,
+        points: &Points,
+        arcs: &[Arc],
+        outline: Outline,
+    ) -> Result<Self, QuadrangulateError> {
         let mut used: Vec<u32> = outline.triangles.iter().flatten().copied().collect();
         used.sort_unstable();
         used.dedup();
-        let missing = QuadrangulateError::Structure { region: id, fault: "a border point belongs to no triangle" };
-        let local = |global: &u32| used.binary_search(global).ok().and_then(|i| u32::try_from(i).ok());
+        let missing = QuadrangulateError::Structure {
+            region: id,
+            fault: "a border point belongs to no triangle",
+        };
+        let local = |global: &u32| {
+            used.binary_search(global)
+                .ok()
+                .and_then(|i| u32::try_from(i).ok())
+        };
         let triangles = outline
             .triangles
             .iter()
@@ -61,7 +74,11 @@ impl Region {
                     middle = vertices.len() - 1 - middle;
                     halves = [(2 * id + 1, false), (2 * id, false)];
                 }
-                Some(RegionSide { vertices, middle, halves })
+                Some(RegionSide {
+                    vertices,
+                    middle,
+                    halves,
+                })
             })
             .collect::<Option<Vec<_>>>();
         let (Some(triangles), Some(sides)) = (triangles, sides) else {
@@ -70,10 +87,17 @@ impl Region {
         let mut region = Self {
             id,
             positions: used.iter().map(|&g| points.positions[g as usize]).collect(),
-            attributes: used.iter().map(|&g| points.attributes[g as usize]).collect(),
+            attributes: used
+                .iter()
+                .map(|&g| points.attributes[g as usize])
+                .collect(),
             triangles,
             sides,
-            mesh_vertices: used.iter().copied().take_while(|&g| (g as usize) < mesh_vertices).collect(),
+            mesh_vertices: used
+                .iter()
+                .copied()
+                .take_while(|&g| (g as usize) < mesh_vertices)
+                .collect(),
         };
         region.split_chords()?;
         Ok(region)
@@ -102,20 +126,29 @@ impl Region {
                 }
             }
         }
-        let mut chords: Vec<(u32, u32)> = uses.into_iter().filter(|&(_, n)| n > 1).map(|(e, _)| e).collect();
+        let mut chords: Vec<(u32, u32)> = uses
+            .into_iter()
+            .filter(|&(_, n)| n > 1)
+            .map(|(e, _)| e)
+            .collect();
         if chords.is_empty() {
             return Ok(());
         }
         chords.sort_unstable();
         let mut middles: HashMap<(u32, u32), u32> = HashMap::new();
         for (a, b) in chords {
-            let id = u32::try_from(self.positions.len()).map_err(|_| QuadrangulateError::Structure {
-                region: self.id,
-                fault: "too many vertices",
-            })?;
+            let id =
+                u32::try_from(self.positions.len()).map_err(|_| QuadrangulateError::Structure {
+                    region: self.id,
+                    fault: "too many vertices",
+                })?;
             let (pa, pb) = (self.positions[a as usize], self.positions[b as usize]);
             self.positions.push(0.5 * (pa + pb));
-            let attributes = mix(&self.attributes[a as usize], &self.attributes[b as usize], 0.5);
+            let attributes = mix(
+                &self.attributes[a as usize],
+                &self.attributes[b as usize],
+                0.5,
+            );
             self.attributes.push(attributes);
             middles.insert((a, b), id);
         }
@@ -145,7 +178,10 @@ impl Region {
         for t in &self.triangles {
             let [a, b, c] = t.map(|v| self.positions[v as usize]);
             let [ua, ub, uc] = t.map(|v| uv[v as usize]);
-            let area = [(b - a).cross(c - a).length(), (ub - ua).perp_dot(uc - ua).max(0.0)];
+            let area = [
+                (b - a).cross(c - a).length(),
+                (ub - ua).perp_dot(uc - ua).max(0.0),
+            ];
             for k in 0..2 {
                 total[k] += area[k];
                 for &v in t {
@@ -156,19 +192,33 @@ impl Region {
             }
         }
         let scale = |[surface, flat]: [f64; 2]| (flat / total[1]) / (surface / total[0]);
-        let shrunk = areas.iter().map(|&a| scale(a)).enumerate().filter(|(_, s)| *s < SPECK);
+        let shrunk = areas
+            .iter()
+            .map(|&a| scale(a))
+            .enumerate()
+            .filter(|(_, s)| *s < SPECK);
         // Rounding may leave many at exactly zero: the heaviest of the smallest stands for them.
-        let least = shrunk.min_by(|a, b| a.1.total_cmp(&b.1).then(areas[b.0][0].total_cmp(&areas[a.0][0])));
+        let least = shrunk.min_by(|a, b| {
+            a.1.total_cmp(&b.1)
+                .then(areas[b.0][0].total_cmp(&areas[a.0][0]))
+        });
         least.map(|(v, _)| self.mesh_vertices[v])
     }
 
     /// Where the border vertices go; `None` for the others.
     fn outline(&self) -> Vec<Option<DVec2>> {
         let n = self.sides.len() as f64;
-        let lengths: Vec<f64> = self.sides.iter().map(|s| self.length(&s.vertices)).collect();
+        let lengths: Vec<f64> = self
+            .sides
+            .iter()
+            .map(|s| self.length(&s.vertices))
+            .collect();
         let total: f64 = lengths.iter().sum::<f64>().max(f64::MIN_POSITIVE);
         // Half by number, half by length, and none near half a turn: the polygon holds its centre well inside.
-        let mut shares: Vec<f64> = lengths.iter().map(|l| 0.5 / n + 0.5 * (l / total).min(0.3)).collect();
+        let mut shares: Vec<f64> = lengths
+            .iter()
+            .map(|l| 0.5 / n + 0.5 * (l / total).min(0.3))
+            .collect();
         let sum: f64 = shares.iter().sum();
         shares.iter_mut().for_each(|s| *s /= sum);
         let mut angle = 0.0;
@@ -185,7 +235,10 @@ impl Region {
             let (from, to) = (corners[s], corners[(s + 1) % corners.len()]);
             let (first, second) = side.vertices.split_at(side.middle);
             let middle = second[0];
-            let half = |vertices: &mut dyn Iterator<Item = u32>, from: DVec2, to: DVec2, fixed: &mut [Option<DVec2>]| {
+            let half = |vertices: &mut dyn Iterator<Item = u32>,
+                        from: DVec2,
+                        to: DVec2,
+                        fixed: &mut [Option<DVec2>]| {
                 let ids: Vec<u32> = vertices.collect();
                 let border = super::arcs::border(
                     ids.iter().map(|&v| self.positions[v as usize]).collect(),
@@ -196,7 +249,12 @@ impl Region {
                 }
             };
             let centre = from.midpoint(to);
-            half(&mut first.iter().copied().chain([middle]), from, centre, &mut fixed);
+            half(
+                &mut first.iter().copied().chain([middle]),
+                from,
+                centre,
+                &mut fixed,
+            );
             half(&mut second.iter().copied(), centre, to, &mut fixed);
         }
         // The last side wrote corner 0 again, with the same value up to rounding.
@@ -207,7 +265,10 @@ impl Region {
     }
 
     fn length(&self, vertices: &[u32]) -> f64 {
-        vertices.windows(2).map(|w| self.positions[w[0] as usize].distance(self.positions[w[1] as usize])).sum()
+        vertices
+            .windows(2)
+            .map(|w| self.positions[w[0] as usize].distance(self.positions[w[1] as usize]))
+            .sum()
     }
 }
 
@@ -220,7 +281,9 @@ fn split_triangle(t: [u32; 3], m: [Option<u32>; 3], out: &mut Vec<[u32; 3]>) {
         }
         _ => {
             // Turn so that edge 0 has a middle, and edge 2 has none.
-            let k = (0..3).find(|&k| m[k].is_some() && m[(k + 2) % 3].is_none()).unwrap_or(0);
+            let k = (0..3)
+                .find(|&k| m[k].is_some() && m[(k + 2) % 3].is_none())
+                .unwrap_or(0);
             let (a, b, c) = (t[k], t[(k + 1) % 3], t[(k + 2) % 3]);
             match (m[k], m[(k + 1) % 3]) {
                 (Some(ab), Some(bc)) => out.extend([[ab, b, bc], [a, ab, bc], [a, bc, c]]),

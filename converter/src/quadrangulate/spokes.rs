@@ -51,7 +51,10 @@ pub(super) fn cut(mut region: Region) -> Result<CutRegion, QuadrangulateError> {
             region.triangles.clone_from(&triangles);
         }
     }
-    Err(QuadrangulateError::Folded { region: region.id, triangles: triangles.len() })
+    Err(QuadrangulateError::Folded {
+        region: region.id,
+        triangles: triangles.len(),
+    })
 }
 
 fn orient(a: DVec2, b: DVec2, c: DVec2) -> f64 {
@@ -78,7 +81,11 @@ impl<'a> Sectors<'a> {
     /// Places the centre and classifies every vertex; `None` when the flattening folds around the origin.
     fn new(region: &'a mut Region, mut uv: Vec<DVec2>) -> Option<Self> {
         let centre = insert_origin(region, &mut uv)?;
-        let middles: Vec<DVec2> = region.sides.iter().map(|s| uv[s.vertices[s.middle] as usize]).collect();
+        let middles: Vec<DVec2> = region
+            .sides
+            .iter()
+            .map(|s| uv[s.vertices[s.middle] as usize])
+            .collect();
         let n = u32::try_from(middles.len()).ok()?;
         let mut class = vec![CENTRE; uv.len()];
         for (k, side) in (0u32..).zip(&region.sides) {
@@ -95,7 +102,14 @@ impl<'a> Sectors<'a> {
                 class[v] = classify(uv[v], &middles)?;
             }
         }
-        Some(Self { region, uv, middles, centre, class, crossings: HashMap::new() })
+        Some(Self {
+            region,
+            uv,
+            middles,
+            centre,
+            class,
+            crossings: HashMap::new(),
+        })
     }
 
     fn spokes(&self) -> u32 {
@@ -112,7 +126,11 @@ impl<'a> Sectors<'a> {
         let forward = orient(DVec2::ZERO, self.uv[a as usize], self.uv[b as usize]) >= 0.0;
         let (mut at, mut spokes) = (ca, Vec::new());
         loop {
-            at = if forward { (at + 1) % turns } else { (at + turns - 1) % turns };
+            at = if forward {
+                (at + 1) % turns
+            } else {
+                (at + turns - 1) % turns
+            };
             if at == cb {
                 return spokes;
             }
@@ -126,7 +144,11 @@ impl<'a> Sectors<'a> {
     fn edge(&mut self, a: u32, b: u32) -> Vec<u32> {
         let (low, high) = (a.min(b), a.max(b));
         if !self.crossings.contains_key(&(low, high)) {
-            let made = self.crossed(low, high).into_iter().map(|k| self.cross(low, high, k)).collect();
+            let made = self
+                .crossed(low, high)
+                .into_iter()
+                .map(|k| self.cross(low, high, k))
+                .collect();
             self.crossings.insert((low, high), made);
         }
         let mut points = self.crossings[&(low, high)].clone();
@@ -145,7 +167,11 @@ impl<'a> Sectors<'a> {
         let id = u32::try_from(region.positions.len()).unwrap_or(NONE);
         let (pa, pb) = (region.positions[a as usize], region.positions[b as usize]);
         region.positions.push(pa.lerp(pb, f));
-        region.attributes.push(mix(&region.attributes[a as usize], &region.attributes[b as usize], f));
+        region.attributes.push(mix(
+            &region.attributes[a as usize],
+            &region.attributes[b as usize],
+            f,
+        ));
         self.uv.push(ua.lerp(ub, f));
         self.class.push(2 * spoke);
         id
@@ -153,7 +179,10 @@ impl<'a> Sectors<'a> {
 
     /// Whether a point of this class belongs to the closed sector k.
     fn in_sector(&self, class: Class, k: u32) -> bool {
-        class == CENTRE || class == 2 * k || class == 2 * k + 1 || class == (2 * k + 2) % (2 * self.spokes())
+        class == CENTRE
+            || class == 2 * k
+            || class == 2 * k + 1
+            || class == (2 * k + 2) % (2 * self.spokes())
     }
 
     /// The patches; `None` when a sector is no disk with the expected outline.
@@ -177,17 +206,27 @@ impl<'a> Sectors<'a> {
                     continue;
                 }
                 // The sectors that this point borders on.
-                let candidates = if class % 2 == 1 { [class / 2; 2] } else { [class / 2, (class / 2 + n - 1) % n] };
+                let candidates = if class % 2 == 1 {
+                    [class / 2; 2]
+                } else {
+                    [class / 2, (class / 2 + n - 1) % n]
+                };
                 for sector in candidates {
                     if seen.contains(&sector) {
                         continue;
                     }
                     seen.push(sector);
                     polygon.clear();
-                    polygon.extend(outline.iter().filter(|&&p| self.in_sector(self.class[p as usize], sector)));
+                    polygon.extend(
+                        outline
+                            .iter()
+                            .filter(|&&p| self.in_sector(self.class[p as usize], sector)),
+                    );
                     let out = &mut pieces[sector as usize];
                     // Fewer than three points: the triangle only touches this sector.
-                    out.extend((2..polygon.len()).map(|i| [polygon[0], polygon[i - 1], polygon[i]]));
+                    out.extend(
+                        (2..polygon.len()).map(|i| [polygon[0], polygon[i - 1], polygon[i]]),
+                    );
                 }
             }
         }
@@ -197,12 +236,24 @@ impl<'a> Sectors<'a> {
             let patch = self.patch(k, &pieces[k as usize], &mut spokes)?;
             patches.push(patch);
         }
-        Some(CutRegion { patches, spokes: spokes.into_iter().collect::<Option<_>>()?, speck: None })
+        Some(CutRegion {
+            patches,
+            spokes: spokes.into_iter().collect::<Option<_>>()?,
+            speck: None,
+        })
     }
 
-    fn patch(&self, k: u32, triangles: &[[u32; 3]], spokes: &mut [Option<Border>]) -> Option<Patch> {
+    fn patch(
+        &self,
+        k: u32,
+        triangles: &[[u32; 3]],
+        spokes: &mut [Option<Border>],
+    ) -> Option<Patch> {
         let n = self.middles.len();
-        let (side, following) = (&self.region.sides[k as usize], &self.region.sides[(k as usize + 1) % n]);
+        let (side, following) = (
+            &self.region.sides[k as usize],
+            &self.region.sides[(k as usize + 1) % n],
+        );
         let corners = [
             self.centre,
             side.vertices[side.middle],
@@ -211,17 +262,29 @@ impl<'a> Sectors<'a> {
         ];
         let sides = sides_of_disk(triangles, corners)?;
         // The outer sides must be the arcs, point by point: their borders are shared with other regions.
-        if sides[1] != side.vertices[side.middle..] || sides[2] != following.vertices[..=following.middle] {
+        if sides[1] != side.vertices[side.middle..]
+            || sides[2] != following.vertices[..=following.middle]
+        {
             return None;
         }
         let mut used: Vec<u32> = triangles.iter().flatten().copied().collect();
         used.sort_unstable();
         used.dedup();
-        let local = |v: u32| used.binary_search(&v).ok().and_then(|i| u32::try_from(i).ok());
+        let local = |v: u32| {
+            used.binary_search(&v)
+                .ok()
+                .and_then(|i| u32::try_from(i).ok())
+        };
         let spoke = |vertices: &[u32]| {
             border(
-                vertices.iter().map(|&v| self.region.positions[v as usize]).collect(),
-                vertices.iter().map(|&v| self.region.attributes[v as usize]).collect(),
+                vertices
+                    .iter()
+                    .map(|&v| self.region.positions[v as usize])
+                    .collect(),
+                vertices
+                    .iter()
+                    .map(|&v| self.region.attributes[v as usize])
+                    .collect(),
             )
         };
         let inwards: Vec<u32> = sides[3].iter().rev().copied().collect();
@@ -233,15 +296,27 @@ impl<'a> Sectors<'a> {
                 Some(_) => return None,
             }
         }
-        let localize = |side: &Vec<u32>| side.iter().map(|&v| local(v)).collect::<Option<Vec<u32>>>();
+        let localize =
+            |side: &Vec<u32>| side.iter().map(|&v| local(v)).collect::<Option<Vec<u32>>>();
         Some(Patch {
-            positions: used.iter().map(|&v| self.region.positions[v as usize]).collect(),
-            attributes: used.iter().map(|&v| self.region.attributes[v as usize]).collect(),
+            positions: used
+                .iter()
+                .map(|&v| self.region.positions[v as usize])
+                .collect(),
+            attributes: used
+                .iter()
+                .map(|&v| self.region.attributes[v as usize])
+                .collect(),
             triangles: triangles
                 .iter()
                 .map(|t| Some([local(t[0])?, local(t[1])?, local(t[2])?]))
                 .collect::<Option<_>>()?,
-            sides: [localize(&sides[0])?, localize(&sides[1])?, localize(&sides[2])?, localize(&sides[3])?],
+            sides: [
+                localize(&sides[0])?,
+                localize(&sides[1])?,
+                localize(&sides[2])?,
+                localize(&sides[3])?,
+            ],
             borders: [
                 (k, true),
                 side.halves[1],
@@ -272,7 +347,11 @@ fn classify(p: DVec2, middles: &[DVec2]) -> Option<Class> {
 
 /// Makes the origin a vertex; `None` when no triangle holds it or the flattening is folded there.
 fn insert_origin(region: &mut Region, uv: &mut Vec<DVec2>) -> Option<u32> {
-    let corners: Vec<u32> = region.sides.iter().flat_map(|s| s.vertices.iter().copied()).collect();
+    let corners: Vec<u32> = region
+        .sides
+        .iter()
+        .flat_map(|s| s.vertices.iter().copied())
+        .collect();
     if let Some(v) = uv.iter().position(|p| *p == DVec2::ZERO) {
         let v = u32::try_from(v).ok()?;
         return (!corners.contains(&v)).then_some(v);
@@ -281,9 +360,12 @@ fn insert_origin(region: &mut Region, uv: &mut Vec<DVec2>) -> Option<u32> {
         [0, 1, 2].map(|k| orient(uv[t[k] as usize], uv[t[(k + 1) % 3] as usize], DVec2::ZERO))
     };
     // A triangle that rounding has flattened to a point seems to hold everything.
-    let upright = |t: &[u32; 3]| orient(uv[t[0] as usize], uv[t[1] as usize], uv[t[2] as usize]) > 0.0;
+    let upright =
+        |t: &[u32; 3]| orient(uv[t[0] as usize], uv[t[1] as usize], uv[t[2] as usize]) > 0.0;
     let holding: Vec<usize> = (0..region.triangles.len())
-        .filter(|&t| upright(&region.triangles[t]) && signs(&region.triangles[t]).iter().all(|&s| s >= 0.0))
+        .filter(|&t| {
+            upright(&region.triangles[t]) && signs(&region.triangles[t]).iter().all(|&s| s >= 0.0)
+        })
         .collect();
     let first = region.triangles[*holding.first()?];
     let s = signs(&first);
@@ -295,7 +377,9 @@ fn insert_origin(region: &mut Region, uv: &mut Vec<DVec2>) -> Option<u32> {
     let total: f64 = s.iter().sum();
     // signs()[k] belongs to edge k, so it weighs the corner opposite.
     let weight = |corner: usize| s[(corner + 1) % 3] / total;
-    let position = (0..3).map(|c| weight(c) * region.positions[first[c] as usize]).sum();
+    let position = (0..3)
+        .map(|c| weight(c) * region.positions[first[c] as usize])
+        .sum();
     region.positions.push(position);
     let attributes = mean(first.iter().map(|&v| &region.attributes[v as usize]));
     region.attributes.push(attributes);
@@ -303,8 +387,18 @@ fn insert_origin(region: &mut Region, uv: &mut Vec<DVec2>) -> Option<u32> {
     let mut made = Vec::new();
     for &t in &holding {
         let triangle = region.triangles[t];
-        let s = [0, 1, 2].map(|k| orient(uv[triangle[k] as usize], uv[triangle[(k + 1) % 3] as usize], DVec2::ZERO));
-        made.extend((0..3).filter(|&k| s[k] != 0.0).map(|k| [centre, triangle[k], triangle[(k + 1) % 3]]));
+        let s = [0, 1, 2].map(|k| {
+            orient(
+                uv[triangle[k] as usize],
+                uv[triangle[(k + 1) % 3] as usize],
+                DVec2::ZERO,
+            )
+        });
+        made.extend(
+            (0..3)
+                .filter(|&k| s[k] != 0.0)
+                .map(|k| [centre, triangle[k], triangle[(k + 1) % 3]]),
+        );
     }
     let mut index = 0;
     region.triangles.retain(|_| {
@@ -317,8 +411,10 @@ fn insert_origin(region: &mut Region, uv: &mut Vec<DVec2>) -> Option<u32> {
 
 /// The outline of `triangles` between `corners`, when it is one loop through all four in order and they are a disk.
 fn sides_of_disk(triangles: &[[u32; 3]], corners: [u32; 4]) -> Option<[Vec<u32>; 4]> {
-    let edges: HashMap<(u32, u32), ()> =
-        triangles.iter().flat_map(|t| (0..3).map(|k| ((t[k], t[(k + 1) % 3]), ()))).collect();
+    let edges: HashMap<(u32, u32), ()> = triangles
+        .iter()
+        .flat_map(|t| (0..3).map(|k| ((t[k], t[(k + 1) % 3]), ())))
+        .collect();
     if edges.len() != 3 * triangles.len() {
         return None;
     }

@@ -7,12 +7,22 @@ fn manifold(positions: Vec<DVec3>, triangles: Vec<[u32; 3]>) -> ManifoldMesh {
     let mut by_edge = HashMap::new();
     for (t, tri) in (0u32..).zip(&triangles) {
         for k in 0..3 {
-            by_edge.insert((tri[k], tri[(k + 1) % 3]), 3 * t + u32::try_from(k).unwrap());
+            by_edge.insert(
+                (tri[k], tri[(k + 1) % 3]),
+                3 * t + u32::try_from(k).unwrap(),
+            );
         }
     }
     let twins = triangles
         .iter()
-        .flat_map(|tri| (0..3).map(|k| by_edge.get(&(tri[(k + 1) % 3], tri[k])).copied().unwrap_or(NONE)))
+        .flat_map(|tri| {
+            (0..3).map(|k| {
+                by_edge
+                    .get(&(tri[(k + 1) % 3], tri[k]))
+                    .copied()
+                    .unwrap_or(NONE)
+            })
+        })
         .collect();
     ManifoldMesh {
         origin: (0..u32::try_from(positions.len()).unwrap()).collect(),
@@ -63,14 +73,29 @@ fn check(mesh: &ManifoldMesh, layout: &Layout, open_borders: usize) {
     }
     assert!(uses.iter().all(|&u| u == 1 || u == 2), "{uses:?}");
     assert_eq!(uses.iter().filter(|&&u| u == 1).count(), open_borders);
-    let total: f64 = layout.patches.iter().map(|p| area(&p.positions, &p.triangles)).sum();
+    let total: f64 = layout
+        .patches
+        .iter()
+        .map(|p| area(&p.positions, &p.triangles))
+        .sum();
     let whole = area(&mesh.positions, &mesh.triangles);
-    assert!((total / whole - 1.0).abs() < 1e-9, "area {total} of {whole}");
+    assert!(
+        (total / whole - 1.0).abs() < 1e-9,
+        "area {total} of {whole}"
+    );
 }
 
 fn tetrahedron() -> ManifoldMesh {
-    let p = [[1.0, 1.0, 1.0], [1.0, -1.0, -1.0], [-1.0, 1.0, -1.0], [-1.0, -1.0, 1.0]];
-    manifold(p.map(DVec3::from_array).to_vec(), vec![[0, 1, 2], [0, 3, 1], [0, 2, 3], [1, 3, 2]])
+    let p = [
+        [1.0, 1.0, 1.0],
+        [1.0, -1.0, -1.0],
+        [-1.0, 1.0, -1.0],
+        [-1.0, -1.0, 1.0],
+    ];
+    manifold(
+        p.map(DVec3::from_array).to_vec(),
+        vec![[0, 1, 2], [0, 3, 1], [0, 2, 3], [1, 3, 2]],
+    )
 }
 
 #[test]
@@ -95,7 +120,10 @@ fn a_missing_side_is_reported() {
     let mut two = discrete(&mesh);
     two.labels = vec![0, 0, 1, 1];
     two.regions = 2;
-    assert!(matches!(quadrangulate(&mesh, &two), Err(QuadrangulateError::Structure { .. })));
+    assert!(matches!(
+        quadrangulate(&mesh, &two),
+        Err(QuadrangulateError::Structure { .. })
+    ));
 }
 
 /// A bumpy grid whose regions are squares of cells, shifted every other row like bricks so that corners have degree 3.
@@ -105,7 +133,11 @@ fn a_brick_wall_is_cut_without_loss() {
     let positions: Vec<DVec3> = (0..n * n)
         .map(|i| {
             let (x, y) = (f64::from(i % n), f64::from(i / n));
-            DVec3::new(x + 0.2 * (y * 1.7).sin(), y + 0.2 * (x * 2.3).cos(), (0.4 * x).sin() * (0.3 * y).cos())
+            DVec3::new(
+                x + 0.2 * (y * 1.7).sin(),
+                y + 0.2 * (x * 2.3).cos(),
+                (0.4 * x).sin() * (0.3 * y).cos(),
+            )
         })
         .collect();
     let triangles = (0..(n - 1) * (n - 1))

@@ -164,7 +164,12 @@ impl Partition {
             }
             partners.clear();
             for &v in self.complex.neighbours(u) {
-                if self.is_real(v) && !taken[v as usize] && !self.locked[u as usize] && !self.locked[v as usize] && self.degree_merged(u, v) <= 24 {
+                if self.is_real(v)
+                    && !taken[v as usize]
+                    && !self.locked[u as usize]
+                    && !self.locked[v as usize]
+                    && self.degree_merged(u, v) <= 24
+                {
                     partners.push((self.cost(u, v, goal), v));
                 }
             }
@@ -253,7 +258,11 @@ impl Partition {
     }
 
     fn candidate(&self, u: u32, v: u32, caps: Caps, goal: Goal) -> Option<Reverse<Merge>> {
-        if !self.is_real(u) || !self.is_real(v) || self.locked[u as usize] || self.locked[v as usize] {
+        if !self.is_real(u)
+            || !self.is_real(v)
+            || self.locked[u as usize]
+            || self.locked[v as usize]
+        {
             return None;
         }
         let (p, q) = (self.cells[u as usize].area, self.cells[v as usize].area);

@@ -28,8 +28,10 @@ pub fn split_at(
             *label = NONE;
         }
     }
-    let mut seeds: Vec<u32> =
-        centres(&surface, &labels, segmentation.regions, 0.0).into_iter().map(|seed| seed.vertex).collect();
+    let mut seeds: Vec<u32> = centres(&surface, &labels, segmentation.regions, 0.0)
+        .into_iter()
+        .map(|seed| seed.vertex)
+        .collect();
     let mut split = vec![false; segmentation.regions as usize];
     for &tip in tips {
         let region = labels[tip as usize];
@@ -54,7 +56,12 @@ pub fn split_at(
     for (locked, &label) in locked.iter_mut().zip(&labels) {
         *locked |= label != NONE && split[label as usize];
     }
-    let mut voronoi = Voronoi { touched: vec![false; seeds.len()], seeds, labels, distances };
+    let mut voronoi = Voronoi {
+        touched: vec![false; seeds.len()],
+        seeds,
+        labels,
+        distances,
+    };
     voronoi.add(&surface, tips);
     if !repair::repair(mesh, &surface, &mut voronoi).is_empty() {
         return None;
@@ -66,7 +73,8 @@ pub fn split_at(
     let mut crossings = vec![0.5; segmentation.crossings.len()];
     for (h, crossing) in crossings.iter_mut().enumerate() {
         let t = mesh.triangles[h / 3];
-        let kept = |v: u32| lives_on[segmentation.labels[v as usize] as usize] == labels.of[v as usize];
+        let kept =
+            |v: u32| lives_on[segmentation.labels[v as usize] as usize] == labels.of[v as usize];
         let (u, v) = (t[h % 3], t[(h % 3 + 1) % 3]);
         if kept(u) && kept(v) {
             *crossing = segmentation.crossings[h];
@@ -75,7 +83,11 @@ pub fn split_at(
     for label in &mut labels.of {
         *label = if *label == NONE { 0 } else { *label };
     }
-    Some(Segmentation { labels: labels.of, regions: labels.count, crossings })
+    Some(Segmentation {
+        labels: labels.of,
+        regions: labels.count,
+        crossings,
+    })
 }
 
 /// For every old region the new one that holds most of it.
@@ -103,8 +115,18 @@ mod tests {
         let mesh = Soup::tube(24, 200, 60.0, true).manifold();
         let segmentation = segment(&mesh, 8);
         let poles = [id(mesh.positions.len() - 2), id(mesh.positions.len() - 1)];
-        let split = split_at(&mesh, &segmentation, &poles, &mut vec![false; mesh.positions.len()]).unwrap();
-        assert!(split.regions > segmentation.regions, "{} regions", split.regions);
+        let split = split_at(
+            &mesh,
+            &segmentation,
+            &poles,
+            &mut vec![false; mesh.positions.len()],
+        )
+        .unwrap();
+        assert!(
+            split.regions > segmentation.regions,
+            "{} regions",
+            split.regions
+        );
         assert_eq!(verify(&mesh, &split), Ok(()));
     }
 

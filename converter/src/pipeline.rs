@@ -13,7 +13,7 @@ use glam::DVec3;
 use marquetry_evaluation::distance;
 use marquetry_format::reader::Document;
 use marquetry_format::source::FileSource;
-use marquetry_format::{ContentKind, Limits, Metadata, writer};
+use marquetry_format::{ContentKind, Lattice, Limits, Metadata, writer};
 use rayon::prelude::*;
 use std::io::Write;
 use std::path::{Path, PathBuf};
@@ -40,6 +40,8 @@ pub struct Options {
     pub allow_worse: bool,
     /// Which axis points up.
     pub up: Up,
+    /// Working memory, in bytes, above which a conversion is given up at the end of a stage.
+    pub memory_bytes: u64,
     /// Threads; `None` for all.
     pub threads: Option<usize>,
 }
@@ -50,6 +52,7 @@ impl Default for Options {
             error_rel: 1e-4,
             allow_worse: false,
             up: Up::Y,
+            memory_bytes: 4 << 30,
             threads: None,
         }
     }
@@ -90,6 +93,29 @@ pub enum ConvertError {
         reached: f64,
         /// Target, relative.
         target: f64,
+    },
+    /// The input needs more memory than it may have.
+    #[error(
+        "{path}: needs more than the {} MiB of memory allowed ({} MiB after {stage}); allow more with --memory, \
+         or ask for less with --error-rel", allowed >> 20, used >> 20
+    )]
+    Memory {
+        /// The input.
+        path: PathBuf,
+        /// The stage that took it.
+        stage: &'static str,
+        /// Bytes taken.
+        used: u64,
+        /// Bytes allowed.
+        allowed: u64,
+    },
+    /// The result could not be measured.
+    #[error("{path}: the result cannot be measured: {source}")]
+    Measure {
+        /// The input.
+        path: PathBuf,
+        /// Why.
+        source: distance::MeshError,
     },
     /// The target is no positive number.
     #[error("the target error must be a number above 0 and at most 1, not {0}")]
@@ -193,6 +219,11 @@ impl<'a> Stages<'a> {
         self.running = Some((name, Instant::now()));
     }
 
+    /// The stage that runs, or ran last.
+    fn name(&self) -> &'static str {
+        self.running.map_or("start", |(name, _)| name)
+    }
+
     fn end(&mut self) {
         if let Some((name, since)) = self.running.take() {
             self.reports.push(StageReport {
@@ -213,19 +244,19 @@ struct Conversion<'a> {
 
 impl Conversion<'_> {
     fn run(mut self) -> Result<Report, ConvertError> {
-        self.stages.begin("import");
+        self.begin("import")?;
         let (imported, import_report) = import::import(self.input)?;
         let has_colours = !imported.colours.is_empty();
-        self.stages.begin("manifold");
+        self.begin("manifold")?;
         let (mesh, account) = mesh::prepare(imported).map_err(|e| e.in_file(self.input))?;
         let (min, max) = bounds(&mesh.positions);
         let diagonal = (max - min).length();
         let target = self.options.error_rel * diagonal;
 
-        self.stages.begin("segment");
+        self.begin("segment")?;
         let segmentation =
             segment::segment(&mesh, target_regions(mesh.triangles.len(), handles(&mesh)));
-        self.stages.begin("quadrangulate");
+        self.begin("quadrangulate")?;
         let Layout {
             mut patches,
             borders,
@@ -238,13 +269,13 @@ impl Conversion<'_> {
         );
         let glue = chart_graph::glue(&patches, borders.len());
 
-        self.stages.begin("parametrize");
+        self.begin("parametrize")?;
         let parametrizations: Vec<Parametrization> = patches
             .par_iter_mut()
             .map(|patch| parameterize::parameterize(patch, &borders))
             .collect();
 
-        self.stages.begin("resample");
+        self.begin("resample")?;
         let lattice = quantize::lattice(min, max, target);
         let progress = self.stages.progress;
         let atlas = build::build(
@@ -261,48 +292,10 @@ impl Conversion<'_> {
         );
         drop((patches, parametrizations, borders));
 
-        self.stages.begin("measure");
-        let surface = quantize::finest_surface(&atlas.charts, &lattice);
-        let measured = distance::measure(
-            distance::Mesh {
-                positions: &surface.0,
-                triangles: &surface.1,
-            },
-            distance::Mesh {
-                positions: &mesh.positions,
-                triangles: &mesh.triangles,
-            },
-            MEASURED_SAMPLES,
-        );
-        let rms = measured
-            .as_ref()
-            .map_or(atlas.rms_error, distance::Distances::rms);
-        // The bound holds for the exact surfaces; never report less than what was seen.
-        let max_error = measured
-            .as_ref()
-            .map_or(atlas.max_error, |m| m.hausdorff().max(atlas.max_error));
-        let relative = |length: f64| {
-            if diagonal > 0.0 {
-                length / diagonal
-            } else {
-                0.0
-            }
-        };
-        let error = ErrorReport {
-            target_rel: self.options.error_rel,
-            max_rel: relative(max_error),
-            rms_rel: relative(rms),
-            hausdorff_rel: measured.as_ref().map_or(0.0, |m| relative(m.hausdorff())),
-        };
-        if error.rms_rel > error.target_rel && !self.options.allow_worse {
-            return Err(ConvertError::AboveTarget {
-                path: self.input.to_owned(),
-                reached: error.rms_rel,
-                target: error.target_rel,
-            });
-        }
+        self.begin("measure")?;
+        let error = self.judge(&mesh, &atlas, &lattice, diagonal)?;
 
-        self.stages.begin("write");
+        self.begin("write")?;
         let metadata = Metadata {
             kind: ContentKind::Scan,
             lattice,
@@ -344,6 +337,70 @@ impl Conversion<'_> {
             lost: Lost::of(&account),
             merged: Merged::of(&account),
         })
+    }
+
+    /// Measures the surface that will be written, and refuses it above the target.
+    fn judge(
+        &self,
+        mesh: &ManifoldMesh,
+        atlas: &build::Atlas,
+        lattice: &Lattice,
+        diagonal: f64,
+    ) -> Result<ErrorReport, ConvertError> {
+        let (positions, triangles) = quantize::finest_surface(&atlas.charts, lattice);
+        let measured = distance::measure(
+            distance::Mesh {
+                positions: &positions,
+                triangles: &triangles,
+            },
+            distance::Mesh {
+                positions: &mesh.positions,
+                triangles: &mesh.triangles,
+            },
+            MEASURED_SAMPLES,
+        )
+        .map_err(|source| ConvertError::Measure {
+            path: self.input.to_owned(),
+            source,
+        })?;
+        let relative = |length: f64| {
+            if diagonal > 0.0 {
+                length / diagonal
+            } else {
+                0.0
+            }
+        };
+        let error = ErrorReport {
+            target_rel: self.options.error_rel,
+            // The bound holds for real numbers; rounding must not let it fall below what was seen.
+            max_rel: relative(measured.hausdorff().max(atlas.max_error)),
+            rms_rel: relative(measured.rms()),
+            hausdorff_rel: relative(measured.hausdorff()),
+        };
+        if error.rms_rel > error.target_rel && !self.options.allow_worse {
+            return Err(ConvertError::AboveTarget {
+                path: self.input.to_owned(),
+                reached: error.rms_rel,
+                target: error.target_rel,
+            });
+        }
+        Ok(error)
+    }
+
+    /// Begins a stage, if the last one left memory for it.
+    fn begin(&mut self, stage: &'static str) -> Result<(), ConvertError> {
+        let (used, allowed) = (process::peak_rss_bytes(), self.options.memory_bytes);
+        if used > allowed {
+            let stage = self.stages.name();
+            return Err(ConvertError::Memory {
+                path: self.input.to_owned(),
+                stage,
+                used,
+                allowed,
+            });
+        }
+        self.stages.begin(stage);
+        Ok(())
     }
 
     /// Quads of the regions; regions with protrusions are split until none is lost.
@@ -437,13 +494,13 @@ impl Conversion<'_> {
 /// Handles of all components together, from the Euler characteristic; 0 where cuts make that meaningless.
 fn handles(mesh: &ManifoldMesh) -> usize {
     let open = mesh.twins.iter().filter(|&&t| t == NONE).count();
-    let edges = (3 * mesh.triangles.len() + open) / 2;
+    let edges = mesh.twins.len().midpoint(open);
     let (_, components) = mesh.components();
     let loops = boundary_loops(mesh);
     // V - E + F = 2 (components - handles) - loops
-    (2 * components as usize + edges)
-        .saturating_sub(mesh.positions.len() + mesh.triangles.len() + loops)
-        / 2
+    let vertices_and_faces = mesh.positions.len() + mesh.triangles.len() + loops;
+    let doubled = (2 * components as usize + edges).saturating_sub(vertices_and_faces);
+    doubled / 2
 }
 
 fn boundary_loops(mesh: &ManifoldMesh) -> usize {

@@ -76,7 +76,7 @@ pub fn quadrangulate(
         .enumerate()
         .map(|(id, outline)| {
             let id = u32::try_from(id).unwrap_or(u32::MAX);
-            let region = region::Region::new(id, mesh.positions.len(), &points, &arcs, outline)?;
+            let region = region::Region::new(id, mesh.positions.len(), &points, &arcs, &outline)?;
             spokes::cut(region)
         })
         .collect::<Result<_, _>>()?;

@@ -26,7 +26,7 @@ pub(super) struct Arguments {
     /// When objects come and go (scenes)
     #[arg(long, value_name = "CSV")]
     schedule: Option<PathBuf>,
-    /// Ceiling for working memory, with suffix K, M or G
+    /// Ceiling for working memory, with suffix K, M or G; a conversion that passes it is given up
     #[arg(long, value_name = "BYTES", default_value = "4GiB", value_parser = args::bytes)]
     memory: u64,
     /// Which axis of the input points up
@@ -78,6 +78,7 @@ pub(super) fn run(
             Axis::Y => Up::Y,
             Axis::Z => Up::Z,
         },
+        memory_bytes: arguments.memory,
         threads: common.threads.map(std::num::NonZeroUsize::get),
     };
     let progress = Display::new(common.progress);

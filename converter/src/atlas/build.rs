@@ -43,8 +43,6 @@ pub struct Atlas {
     pub charts: Vec<ChartInput>,
     /// Guaranteed bound over all charts, a length.
     pub max_error: f64,
-    /// RMS distance to the source's tangent planes over all charts, a length.
-    pub rms_error: f64,
     /// Samples stored, shared ones counted in each page.
     pub samples: u64,
 }
@@ -73,38 +71,43 @@ pub fn build(surface: &Surface<'_>, progress: &(dyn Fn(f64) + Sync)) -> Atlas {
         .nodes
         .extend(tries.iter().flat_map(|t| t.nodes.keys()));
     depth.balance(surface.glue);
-    let built: Vec<Built> = tries
+    let charts: Vec<ChartInput> = tries
         .into_par_iter()
         .enumerate()
         .map(|(chart, tried)| {
-            let built = ChartSampler::new(surface, chart).build(&depth, tried);
+            let root = ChartSampler::new(surface, chart).build(&depth, tried);
             tick();
-            built
+            ChartInput {
+                glue: surface.glue[chart],
+                root,
+            }
         })
         .collect();
-    let mut atlas = Atlas {
-        charts: Vec::with_capacity(count),
-        max_error: 0.0,
-        rms_error: 0.0,
-        samples: 0,
-    };
-    let (mut square, mut area) = (0.0, 0.0);
-    for (built, &glue) in built.into_iter().zip(surface.glue) {
-        atlas.max_error = atlas.max_error.max(built.finest.max);
-        square += built.finest.mean_square * built.finest.area;
-        area += built.finest.area;
-        atlas.samples += built.samples;
-        atlas.charts.push(ChartInput {
-            glue,
-            root: built.root,
-        });
+    let roots = charts.iter().map(|chart| &chart.root);
+    let max_error = roots.clone().map(finest_error).fold(0.0, f32::max);
+    Atlas {
+        max_error: f64::from(max_error) * surface.lattice.step,
+        samples: roots.map(count_samples).sum(),
+        charts,
     }
-    atlas.rms_error = if area > 0.0 {
-        (square / area).sqrt()
-    } else {
-        0.0
-    };
-    atlas
+}
+
+/// Largest error of the leaves, lattice units.
+fn finest_error(node: &NodeInput) -> f32 {
+    match &node.children {
+        Some(children) => children.iter().map(finest_error).fold(0.0, f32::max),
+        None => node.errors.last().copied().unwrap_or(0.0),
+    }
+}
+
+fn count_samples(node: &NodeInput) -> u64 {
+    let below: u64 = node
+        .children
+        .iter()
+        .flat_map(|c| c.iter())
+        .map(count_samples)
+        .sum();
+    node.samples.positions.len() as u64 + below
 }
 
 /// What finding a chart's depth took: most of it is used again.
@@ -114,12 +117,6 @@ struct Tried {
     samples: PageSamples,
     errors: Vec<GridError>,
     nodes: BTreeMap<NodeId, (PageSamples, GridError)>,
-}
-
-struct Built {
-    root: NodeInput,
-    finest: GridError,
-    samples: u64,
 }
 
 /// Cells of a full page a side.
@@ -248,15 +245,12 @@ impl<'a> ChartSampler<'a> {
 
     fn node(&self, node: NodeId) -> (PageSamples, GridError) {
         let samples = self.samples(window(node));
-        let error = self
-            .errors(window(node), &samples)
-            .last()
-            .copied()
-            .unwrap_or_default();
+        let positions = world_positions(&samples, &self.surface.lattice);
+        let error = self.sampler.error(window(node), &positions);
         (samples, error)
     }
 
-    fn build(&self, depth: &Depth, mut tried: Tried) -> Built {
+    fn build(&self, depth: &Depth, mut tried: Tried) -> NodeInput {
         let resolution = depth.roots[self.root.chart.0 as usize];
         if tried.samples.resolution < resolution {
             let whole = Window::whole(resolution);
@@ -265,9 +259,7 @@ impl<'a> ChartSampler<'a> {
         }
         let samples = quantize::coarsen(tried.samples, resolution);
         let errors = &tried.errors[..=usize::from(resolution)];
-        let mut finest = errors.last().copied().unwrap_or_default();
-        let mut count = samples.positions.len() as u64;
-        let children = self.children(self.root, depth, &mut tried.nodes, &mut finest, &mut count);
+        let children = self.children(self.root, depth, &mut tried.nodes);
         let cone = summary::of(&samples, children.as_deref());
         // Errors never grow on the way down.
         let mut bounds: Vec<f32> = errors
@@ -279,44 +271,29 @@ impl<'a> ChartSampler<'a> {
             floor = floor.max(*bound);
             *bound = floor;
         }
-        let root = NodeInput {
+        NodeInput {
             samples,
             errors: bounds,
             cone,
             children,
-        };
-        Built {
-            root,
-            finest,
-            samples: count,
         }
     }
 
-    /// The children of `node`, if the file holds them. Replaces `finest` by the error of what lies below.
+    /// The children of `node`, if the file holds them.
     fn children(
         &self,
         node: NodeId,
         depth: &Depth,
         tried: &mut BTreeMap<NodeId, (PageSamples, GridError)>,
-        finest: &mut GridError,
-        count: &mut u64,
     ) -> Option<Box<[NodeInput; 4]>> {
         if !depth.nodes.contains(&node.child(Quadrant(0))) {
             return None;
         }
-        let mut below = GridError::default();
-        let mut square = 0.0;
         let children = [0, 1, 2, 3].map(|q| {
             let child = node.child(Quadrant(q));
             // Balance adds nodes that nobody tried.
             let (samples, error) = tried.remove(&child).unwrap_or_else(|| self.node(child));
-            *count += samples.positions.len() as u64;
-            let mut leaf = error;
-            let children = self.children(child, depth, tried, &mut leaf, count);
-            below.max = below.max.max(leaf.max);
-            below.max_plane = below.max_plane.max(leaf.max_plane);
-            below.area += leaf.area;
-            square += leaf.mean_square * leaf.area;
+            let children = self.children(child, depth, tried);
             let bound = self
                 .in_lattice_units(error.max)
                 .max(deepest_error(children.as_deref()));
@@ -328,12 +305,6 @@ impl<'a> ChartSampler<'a> {
                 children,
             }
         });
-        below.mean_square = if below.area > 0.0 {
-            square / below.area
-        } else {
-            0.0
-        };
-        *finest = below;
         Some(Box::new(children))
     }
 

@@ -29,12 +29,11 @@ impl Depth {
                 let Some((beside, _, _)) = node.neighbour(side, sides) else {
                     continue;
                 };
-                match beside.parent() {
-                    Some((coarser, _)) => self.ensure(coarser, PAGE_RESOLUTION, &mut queue),
-                    None => {
-                        let least = self.roots[node.chart.0 as usize].saturating_sub(1);
-                        self.ensure(beside, least, &mut queue);
-                    }
+                if let Some((coarser, _)) = beside.parent() {
+                    self.ensure(coarser, PAGE_RESOLUTION, &mut queue);
+                } else {
+                    let least = self.roots[node.chart.0 as usize].saturating_sub(1);
+                    self.ensure(beside, least, &mut queue);
                 }
             }
         }

@@ -43,7 +43,7 @@ impl Region {
         mesh_vertices: usize,
         points: &Points,
         arcs: &[Arc],
-        outline: Outline,
+        outline: &Outline,
     ) -> Result<Self, QuadrangulateError> {
         let mut used: Vec<u32> = outline.triangles.iter().flatten().copied().collect();
         used.sort_unstable();
@@ -137,11 +137,12 @@ impl Region {
         chords.sort_unstable();
         let mut middles: HashMap<(u32, u32), u32> = HashMap::new();
         for (a, b) in chords {
-            let id =
-                u32::try_from(self.positions.len()).map_err(|_| QuadrangulateError::Structure {
+            let Ok(id) = u32::try_from(self.positions.len()) else {
+                return Err(QuadrangulateError::Structure {
                     region: self.id,
                     fault: "too many vertices",
-                })?;
+                });
+            };
             let (pa, pb) = (self.positions[a as usize], self.positions[b as usize]);
             self.positions.push(0.5 * (pa + pb));
             let attributes = mix(
@@ -220,7 +221,9 @@ impl Region {
             .map(|l| 0.5 / n + 0.5 * (l / total).min(0.3))
             .collect();
         let sum: f64 = shares.iter().sum();
-        shares.iter_mut().for_each(|s| *s /= sum);
+        for share in &mut shares {
+            *share /= sum;
+        }
         let mut angle = 0.0;
         let corners: Vec<DVec2> = shares
             .iter()

@@ -11,7 +11,7 @@ use crate::atlas::patch::{Border, Patch};
 use crate::mesh::NONE;
 use crate::parameterize::Weights;
 use glam::DVec2;
-use std::collections::HashMap;
+use std::collections::{HashMap, HashSet};
 
 /// A region's patches, and the spokes between them. Patch k holds corner k + 1; its borders 0 and 3 are spoke numbers
 /// in `spokes`, its borders 1 and 2 are final.
@@ -411,21 +411,21 @@ fn insert_origin(region: &mut Region, uv: &mut Vec<DVec2>) -> Option<u32> {
 
 /// The outline of `triangles` between `corners`, when it is one loop through all four in order and they are a disk.
 fn sides_of_disk(triangles: &[[u32; 3]], corners: [u32; 4]) -> Option<[Vec<u32>; 4]> {
-    let edges: HashMap<(u32, u32), ()> = triangles
+    let edges: HashSet<(u32, u32)> = triangles
         .iter()
-        .flat_map(|t| (0..3).map(|k| ((t[k], t[(k + 1) % 3]), ())))
+        .flat_map(|t| (0..3).map(|k| (t[k], t[(k + 1) % 3])))
         .collect();
     if edges.len() != 3 * triangles.len() {
         return None;
     }
     let mut open: HashMap<u32, u32> = HashMap::new();
-    let mut vertices = std::collections::HashSet::new();
+    let mut vertices = HashSet::new();
     let mut outline_edges = 0usize;
     for t in triangles {
         for k in 0..3 {
             let (a, b) = (t[k], t[(k + 1) % 3]);
             vertices.insert(a);
-            if !edges.contains_key(&(b, a)) {
+            if !edges.contains(&(b, a)) {
                 outline_edges += 1;
                 if open.insert(a, b).is_some() {
                     return None;

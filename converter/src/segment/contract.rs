@@ -89,11 +89,11 @@ impl Partition {
         let version = vec![0; cells.len()];
         let locked = vec![false; cells.len()];
         Self {
-            locked,
             complex,
             cells,
             into,
             version,
+            locked,
         }
     }
 

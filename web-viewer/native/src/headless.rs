@@ -30,14 +30,8 @@ impl Headless {
     /// # Errors
     /// [`NativeError::NoAdapter`], [`NativeError::NoDevice`].
     pub fn new() -> Result<Self, NativeError> {
-        let instance =
-            wgpu::Instance::new(wgpu::InstanceDescriptor::new_without_display_handle_from_env());
-        let options = wgpu::RequestAdapterOptions {
-            power_preference: wgpu::PowerPreference::HighPerformance,
-            ..Default::default()
-        };
-        let adapter = pollster::block_on(instance.request_adapter(&options))
-            .map_err(|error| NativeError::NoAdapter(error.to_string()))?;
+        let adapter = find_adapter(wgpu::Backends::PRIMARY)
+            .or_else(|_| find_adapter(wgpu::Backends::all()))?;
         let (device, queue) = device_of(&adapter)?;
         Ok(Self {
             device,
@@ -79,6 +73,20 @@ impl Headless {
             target: None,
         })
     }
+}
+
+/// The best adapter of `backends`, or of those that the environment variable `WGPU_BACKEND` names.
+fn find_adapter(backends: wgpu::Backends) -> Result<wgpu::Adapter, NativeError> {
+    let instance = wgpu::Instance::new(wgpu::InstanceDescriptor {
+        backends: wgpu::Backends::from_env().unwrap_or(backends),
+        ..wgpu::InstanceDescriptor::new_without_display_handle()
+    });
+    let options = wgpu::RequestAdapterOptions {
+        power_preference: wgpu::PowerPreference::HighPerformance,
+        ..Default::default()
+    };
+    pollster::block_on(instance.request_adapter(&options))
+        .map_err(|error| NativeError::NoAdapter(error.to_string()))
 }
 
 /// A device of `adapter`, with what the engine needs.

@@ -17,11 +17,11 @@ fn srgb_from_linear(colour: vec3<f32>) -> vec3<f32> {
 
 // Sky and ground along the picture's up, and one key light from above the viewer's left shoulder.
 fn lit(albedo: vec3<f32>, normal: vec3<f32>) -> vec3<f32> {
-    let sky = vec3<f32>(0.42, 0.45, 0.50);
-    let ground = vec3<f32>(0.13, 0.12, 0.11);
-    let key_direction = normalize(frame.back.xyz + 0.55 * frame.up.xyz - 0.45 * frame.right.xyz);
+    let sky = vec3<f32>(0.27, 0.30, 0.35);
+    let ground = vec3<f32>(0.07, 0.06, 0.05);
+    let key_direction = normalize(0.8 * frame.back.xyz + 0.6 * frame.up.xyz - 0.55 * frame.right.xyz);
     let hemisphere = mix(ground, sky, 0.5 + 0.5 * dot(normal, frame.up.xyz));
-    let key = vec3<f32>(0.72, 0.70, 0.66) * max(dot(normal, key_direction), 0.0);
+    let key = vec3<f32>(0.95, 0.91, 0.84) * max(dot(normal, key_direction), 0.0);
     return albedo * (hemisphere + key);
 }
 

@@ -8,12 +8,15 @@ struct FromVertex {
     @location(0) normal: vec3<f32>,
     @location(1) albedo: vec3<f32>,
     @location(2) @interpolate(flat) resolution: u32,
+    // Lattice units.
+    @location(3) to_eye: vec3<f32>,
 }
 
 fn grid_vertex(place: vec4<u32>, sides: vec4<f32>, morph: f32, index: u32) -> FromVertex {
     let vertex = patch_vertex(place, sides, morph, index);
     var out: FromVertex;
     out.clip = frame.clip_from_offset * vec4<f32>(vertex.offset, 1.0);
+    out.to_eye = -vertex.offset;
     out.normal = vertex.normal;
     out.albedo = linear_from_srgb(select(GREY, vertex.colour, frame.has_colours != 0u));
     out.resolution = place.w >> 24u;
@@ -55,8 +58,9 @@ fn surface_fragment(in: FromVertex, @builtin(front_facing) is_front: bool) -> @l
     // Zero where interpolated normals cancel: then the viewer's direction is as good as any.
     let squared = dot(in.normal, in.normal);
     let outward = select(frame.back.xyz, in.normal * inverseSqrt(max(squared, 1e-12)), squared > 1e-12);
-    // Open scans are seen from behind, too.
-    let normal = select(-outward, outward, is_front);
+    // Open scans are seen from behind, too. A triangle smaller than the lattice's rounding may be turned over while its
+    // surface is not: then the normal knows better.
+    let normal = select(-outward, outward, is_front || dot(outward, in.to_eye) > 0.0);
     if frame.shade == SHADE_NORMAL {
         return encoded(linear_from_srgb(0.5 + 0.5 * outward));
     }

@@ -3,7 +3,7 @@
 use crate::atlas::{build, chart_graph, quantize};
 use crate::error::ImportError;
 use crate::import;
-use crate::mesh::{self, ManifoldMesh, NONE};
+use crate::mesh::{self, ImportedMesh, ManifoldMesh, NONE};
 use crate::parameterize::{self, Parametrization};
 use crate::process;
 use crate::quadrangulate::{self, Layout, QuadrangulateError};
@@ -108,6 +108,19 @@ pub enum ConvertError {
         used: u64,
         /// Bytes allowed.
         allowed: u64,
+    },
+    /// Vertices without a place.
+    #[error(
+        "{path}: vertex {first} (counted from 0) is not finite (NaN or infinite), as {count} in all are; \
+         repair the file, or drop the triangles that touch them with --allow-worse"
+    )]
+    NotFinite {
+        /// The input.
+        path: PathBuf,
+        /// The first such vertex.
+        first: usize,
+        /// How many there are.
+        count: usize,
     },
     /// The result could not be measured.
     #[error("{path}: the result cannot be measured: {source}")]
@@ -247,6 +260,7 @@ impl Conversion<'_> {
         self.begin("import")?;
         let (imported, import_report) = import::import(self.input)?;
         let has_colours = !imported.colours.is_empty();
+        self.refuse_non_finite(&imported)?;
         self.begin("manifold")?;
         let (mesh, account) = mesh::prepare(imported).map_err(|e| e.in_file(self.input))?;
         let (min, max) = bounds(&mesh.positions);
@@ -337,6 +351,18 @@ impl Conversion<'_> {
             lost: Lost::of(&account),
             merged: Merged::of(&account),
         })
+    }
+
+    fn refuse_non_finite(&self, mesh: &ImportedMesh) -> Result<(), ConvertError> {
+        let mut bad = (0..mesh.positions.len()).filter(|&v| !mesh.positions[v].is_finite());
+        match bad.next() {
+            Some(first) if !self.options.allow_worse => Err(ConvertError::NotFinite {
+                path: self.input.to_owned(),
+                first,
+                count: 1 + bad.count(),
+            }),
+            _ => Ok(()),
+        }
     }
 
     /// Measures the surface that will be written, and refuses it above the target.

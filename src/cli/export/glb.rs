@@ -46,7 +46,8 @@ pub(in crate::cli) fn write(surface: &Surface, out: &mut dyn Write) -> io::Resul
     let origin = if surface.fits_f32(DVec3::ZERO) {
         DVec3::ZERO
     } else {
-        0.5 * (min + max)
+        // Readers take a translation as `f32`, too: one that rounds would move everything.
+        (0.5 * (min + max)).as_vec3().as_dvec3()
     };
     let local = |p: DVec3| (p - origin).as_vec3();
     let vertices = surface.positions.len();

@@ -170,16 +170,35 @@ impl<'a> ChartSampler<'a> {
             <= self.surface.target * f64::from(1u32 << samples.resolution)
     }
 
-    /// Largest distance of the chart's open borders from the polyline that a resolution draws. Distances to tangent
-    /// planes do not see a corner that is cut off.
-    fn open_border_error(&self, resolution: u8) -> f64 {
-        let chart = self.root.chart.0 as usize;
-        let open = (0..4).filter(|&s| self.surface.glue[chart][s].is_none());
-        open.map(|s| {
-            let border = &self.surface.borders[self.surface.patches[chart].borders[s].0 as usize];
-            border.chord_error(resolution)
-        })
-        .fold(0.0, f64::max)
+    /// Largest distance of the node's part of the chart's open borders from the polyline that a resolution draws.
+    /// Distances to tangent planes do not see a corner that is cut off.
+    fn open_border_error(&self, node: NodeId, resolution: u8) -> f64 {
+        let chart = node.chart.0 as usize;
+        let last = (1u32 << node.level) - 1;
+        // Place along each side, counter-clockwise, for a node that touches it.
+        let along = [
+            (node.y == 0).then_some(node.x),
+            (node.x == last).then_some(node.y),
+            (node.y == last).then(|| last - node.x),
+            (node.x == 0).then(|| last - node.y),
+        ];
+        let mut worst: f64 = 0.0;
+        for (side, along) in along.into_iter().enumerate() {
+            let (Some(along), None) = (along, self.surface.glue[chart][side]) else {
+                continue;
+            };
+            let (border, forward) = self.surface.patches[chart].borders[side];
+            let along = if forward { along } else { last - along };
+            let nodes = f64::from(last + 1);
+            let part = f64::from(along) / nodes..=f64::from(along + 1) / nodes;
+            let error = self.surface.borders[border as usize].chord_error(resolution, part);
+            worst = worst.max(error);
+        }
+        worst
+    }
+
+    fn border_is_good(&self, node: NodeId, resolution: u8) -> bool {
+        self.open_border_error(node, resolution) <= MAX_OVER_TARGET * self.surface.target
     }
 
     fn samples(&self, window: Window) -> PageSamples {
@@ -207,8 +226,8 @@ impl<'a> ChartSampler<'a> {
             tried.samples = self.samples(whole);
             tried.errors = self.errors(whole, &tried.samples);
             if let Some(wanted) = (1..=resolution).find(|&r| {
-                let border = self.open_border_error(r) <= MAX_OVER_TARGET * self.surface.target;
-                border && self.good(&tried.errors[usize::from(r)], &tried.samples)
+                self.border_is_good(self.root, r)
+                    && self.good(&tried.errors[usize::from(r)], &tried.samples)
             }) {
                 tried.wanted = wanted;
                 return tried;
@@ -235,7 +254,8 @@ impl<'a> ChartSampler<'a> {
             // A spike that sampling does not catch is not worth ever more pages.
             let gains = own.max_plane < 0.9 * error.max_plane
                 || own.mean_square > self.surface.target.powi(2);
-            let deeper = gains && !self.good(&own, &samples);
+            let border = self.border_is_good(child, PAGE_RESOLUTION + child.level);
+            let deeper = gains && !self.good(&own, &samples) || !border && !self.is_fine(&samples);
             nodes.insert(child, (samples, own));
             if deeper {
                 self.refine(child, &own, nodes);

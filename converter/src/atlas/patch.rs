@@ -1,6 +1,7 @@
 //! The piece of the source surface under one chart.
 
 use glam::{DVec3, Vec3};
+use std::ops::RangeInclusive;
 
 /// Attributes of a surface point.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
@@ -23,8 +24,9 @@ pub struct Border {
 }
 
 impl Border {
-    /// Largest distance of the curve from the polyline through its points at parameters k / 2^resolution.
-    pub fn chord_error(&self, resolution: u8) -> f64 {
+    /// Largest distance of the curve, where its parameter is in `part`, from the polyline through its points at
+    /// parameters k / 2^resolution.
+    pub fn chord_error(&self, resolution: u8, part: RangeInclusive<f64>) -> f64 {
         let cells = f64::from(1u32 << resolution);
         let at = |t: f64| {
             let i = self
@@ -37,6 +39,7 @@ impl Border {
         self.params
             .iter()
             .zip(&self.points)
+            .filter(|&(t, _)| part.contains(t))
             .map(|(&t, &point)| {
                 let cell = (t * cells).floor().min(cells - 1.0);
                 let (a, b) = (at(cell / cells), at((cell + 1.0) / cells));
@@ -61,4 +64,31 @@ pub struct Patch {
     /// Border of each side, and whether the side runs along it (else against it). The side has as many vertices as the
     /// border has points.
     pub borders: [(u32, bool); 4],
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A right angle in the middle of the first half.
+    fn corner() -> Border {
+        let points = vec![DVec3::ZERO, DVec3::X, DVec3::new(1.0, 3.0, 0.0)];
+        Border {
+            attributes: vec![Attributes::default(); 3],
+            params: vec![0.0, 0.25, 1.0],
+            points,
+        }
+    }
+
+    #[test]
+    fn a_corner_between_samples_is_cut_off() {
+        assert!(corner().chord_error(0, 0.0..=1.0) > 0.9);
+        assert!(corner().chord_error(1, 0.0..=1.0) > 0.4);
+        assert!(corner().chord_error(2, 0.0..=1.0) < 1e-12);
+    }
+
+    #[test]
+    fn only_the_part_asked_for_counts() {
+        assert!(corner().chord_error(1, 0.5..=1.0) < 1e-12);
+    }
 }

@@ -114,27 +114,20 @@ impl std::fmt::Display for Camera {
 /// 0 = +z (front), 1 = +x, 2 = −z, 3 = −x, 4 = +y, 5 = −y, then the 12 edge and the 8 corner directions of {−1, 0, 1}³
 /// in lexicographic order of (x, y, z). Model axes, whatever axis is up.
 pub fn standard_direction(index: usize) -> Option<DVec3> {
-    const FACES: [DVec3; 6] = [
-        DVec3::Z,
-        DVec3::X,
-        DVec3::NEG_Z,
-        DVec3::NEG_X,
-        DVec3::Y,
-        DVec3::NEG_Y,
+    const FACES: [[i8; 3]; 6] = [
+        [0, 0, 1],
+        [1, 0, 0],
+        [0, 0, -1],
+        [-1, 0, 0],
+        [0, 1, 0],
+        [0, -1, 0],
     ];
-    if let Some(face) = FACES.get(index) {
-        return Some(*face);
-    }
-    let lexicographic = (0..27).map(|n| {
-        DVec3::new(
-            f64::from(n / 9 - 1),
-            f64::from(n / 3 % 3 - 1),
-            f64::from(n % 3 - 1),
-        )
-    });
-    let edges = lexicographic.clone().filter(|v| v.length_squared() == 2.0);
-    let corners = lexicographic.filter(|v| v.length_squared() == 3.0);
-    edges.chain(corners).nth(index - FACES.len())
+    let lexicographic = (0..27i8).map(|n| [n / 9 - 1, n / 3 % 3 - 1, n % 3 - 1]);
+    let off_axis = |count| move |v: &[i8; 3]| v.iter().filter(|c| **c != 0).count() == count;
+    let edges = lexicographic.clone().filter(off_axis(2));
+    let corners = lexicographic.filter(off_axis(3));
+    let direction = FACES.into_iter().chain(edges).chain(corners).nth(index)?;
+    Some(DVec3::from_array(direction.map(f64::from)))
 }
 
 /// The up axis of a model, world coordinates.
@@ -310,10 +303,15 @@ mod tests {
         for (n, a) in all.iter().enumerate() {
             assert!(!all[..n].contains(a));
         }
-        assert_eq!(all[6], [-1.0, -1.0, 0.0]);
-        assert_eq!(all[17], [1.0, 1.0, 0.0]);
-        assert_eq!(all[18], [-1.0, -1.0, -1.0]);
-        assert_eq!(all[25], [1.0, 1.0, 1.0]);
+        for (index, expected) in [
+            (3, DVec3::NEG_X),
+            (6, DVec3::new(-1.0, -1.0, 0.0)),
+            (17, DVec3::new(1.0, 1.0, 0.0)),
+            (18, DVec3::NEG_ONE),
+            (25, DVec3::ONE),
+        ] {
+            assert_eq!(standard_direction(index), Some(expected));
+        }
         assert!(standard_direction(26).is_none());
     }
 

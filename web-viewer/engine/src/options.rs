@@ -108,7 +108,7 @@ impl FromStr for Background {
         if digits.len() != 6 || !digits.bytes().all(|byte| byte.is_ascii_hexdigit()) {
             return Err(wrong());
         }
-        let value = u32::from_str_radix(digits, 16).map_err(|_| wrong())?;
+        let value = u32::from_str_radix(digits, 16).ok().ok_or_else(wrong)?;
         let [_, r, g, b] = value.to_be_bytes();
         Ok(Self([r, g, b]))
     }

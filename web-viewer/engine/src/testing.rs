@@ -14,7 +14,8 @@ use marquetry_format::{
 };
 
 /// Geometric error, lattice units, that a made-up atlas claims at resolution 0; a quarter of it at each further one.
-const COARSEST_ERROR: f32 = 400_000.0;
+/// Far too much, so that ordinary views want nodes well below the root.
+const COARSEST_ERROR: f32 = 16_000_000.0;
 
 /// Numbers that look random and are the same in every run (xorshift64*).
 #[derive(Debug, Clone)]

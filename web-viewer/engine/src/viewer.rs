@@ -45,12 +45,9 @@ pub struct Viewer {
     clock: f64,
     moved_at: f64,
     view: Option<View>,
-    /// What was planned for: a change asks for a new plan.
+    stale: Stale,
+    /// Whether the camera rested when the plan was made.
     planned_resting: bool,
-    plan_is_stale: bool,
-    target_is_stale: bool,
-    picture_is_stale: bool,
-    redraw: bool,
 
     budget_step: u32,
     wanted: Wanted,
@@ -64,6 +61,23 @@ pub struct Viewer {
     table: PageTable,
     fetcher: Fetcher,
     fetched: u64,
+}
+
+/// What has to be made anew, each because of something before it.
+#[derive(Debug, Clone, Copy)]
+#[expect(
+    clippy::struct_excessive_bools,
+    reason = "four results, each of them up to date or not"
+)]
+struct Stale {
+    /// What is wanted.
+    plan: bool,
+    /// What is drawn towards.
+    target: bool,
+    /// The instances.
+    picture: bool,
+    /// What the renderer last drew.
+    frame: bool,
 }
 
 /// A page that the plan needs.
@@ -116,11 +130,13 @@ impl Viewer {
             clock: 0.0,
             moved_at: f64::NEG_INFINITY,
             view: None,
+            stale: Stale {
+                plan: true,
+                target: true,
+                picture: true,
+                frame: true,
+            },
             planned_resting: true,
-            plan_is_stale: true,
-            target_is_stale: true,
-            picture_is_stale: true,
-            redraw: true,
             budget_step: 0,
             wanted: Wanted {
                 cut: coarsest.clone(),
@@ -157,8 +173,8 @@ impl Viewer {
         options.check()?;
         if options != self.options {
             self.options = options;
-            self.plan_is_stale = true;
-            self.picture_is_stale = true;
+            self.stale.plan = true;
+            self.stale.picture = true;
         }
         Ok(())
     }
@@ -190,7 +206,7 @@ impl Viewer {
                 } else {
                     shade
                 };
-                self.picture_is_stale = true;
+                self.stale.picture = true;
                 true
             }
         }
@@ -206,19 +222,19 @@ impl Viewer {
         self.clock += seconds;
         let view = self.look(viewport);
         self.decode_arrived();
-        if self.plan_is_stale || self.planned_resting != self.is_resting() {
+        if self.stale.plan || self.planned_resting != self.is_resting() {
             self.plan(&view);
         }
-        if self.target_is_stale {
-            self.target_is_stale = false;
+        if self.stale.target {
+            self.stale.target = false;
             self.target = restrict(&self.wanted.cut, &self.document, |page| {
                 self.table.contains(page)
             });
         }
         self.animate(seconds);
-        if self.picture_is_stale {
-            self.picture_is_stale = false;
-            self.redraw = true;
+        if self.stale.picture {
+            self.stale.picture = false;
+            self.stale.frame = true;
             self.collect(&view);
         }
         self.schedule()
@@ -235,7 +251,7 @@ impl Viewer {
             match self.document.load_index_block(block, &bytes) {
                 Ok(()) => {
                     self.fetcher.succeed(Item::Block(block));
-                    self.plan_is_stale = true;
+                    self.stale.plan = true;
                 }
                 Err(error) => {
                     let words = format!("index block {block}: {error}");
@@ -258,8 +274,8 @@ impl Viewer {
     /// Whether nothing is missing for this view (or nothing more fits the budget) and every morph is at rest.
     pub fn is_settled(&self) -> bool {
         self.is_ready()
-            && !self.plan_is_stale
-            && !self.target_is_stale
+            && !self.stale.plan
+            && !self.stale.target
             && self.is_resting()
             && self.planned_resting
             && self.wanted.blocks.is_empty()
@@ -269,7 +285,7 @@ impl Viewer {
 
     /// Whether the picture has changed since [`Renderer::render`](crate::Renderer::render) last drew it.
     pub fn needs_redraw(&self) -> bool {
-        self.redraw
+        self.stale.frame
     }
 
     /// Whether something in the picture is on its way to another resolution, so that every frame differs.
@@ -280,9 +296,9 @@ impl Viewer {
     /// Whether calling [`Viewer::update`] again has a point before input or a delivery comes (morphs, retries, decodes).
     pub fn needs_update(&self) -> bool {
         !self.is_ready()
-            || self.plan_is_stale
-            || self.target_is_stale
-            || self.picture_is_stale
+            || self.stale.plan
+            || self.stale.target
+            || self.stale.picture
             || !self.is_resting()
             || !self.planned_resting
             || self.fetcher.has_arrived()
@@ -328,7 +344,7 @@ impl Viewer {
     /// A view then counts as settled when nothing *allowed* is missing.
     pub fn set_page_filter(&mut self, filter: Option<PageFilter>) {
         self.filter = filter;
-        self.plan_is_stale = true;
+        self.stale.plan = true;
     }
 
     /// A number that no other viewer has, so that a renderer knows whose samples it holds.
@@ -367,7 +383,7 @@ impl Viewer {
     }
 
     pub(crate) fn mark_drawn(&mut self) {
-        self.redraw = false;
+        self.stale.frame = false;
     }
 
     fn is_resting(&self) -> bool {
@@ -389,8 +405,8 @@ impl Viewer {
                 self.moved_at = self.clock;
             }
             self.view = Some(view);
-            self.plan_is_stale = true;
-            self.picture_is_stale = true;
+            self.stale.plan = true;
+            self.stale.picture = true;
         }
         view
     }
@@ -411,7 +427,7 @@ impl Viewer {
                 .advance(&self.target, &self.document.charts, step);
         }
         self.pin();
-        self.picture_is_stale = true;
+        self.stale.picture = true;
     }
 
     /// Collects what is in the picture.

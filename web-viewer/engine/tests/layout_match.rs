@@ -6,7 +6,8 @@ use marquetry_engine::wgpu::VertexFormat;
 use std::mem::{offset_of, size_of};
 
 fn module() -> naga::Module {
-    naga::front::wgsl::parse_str(SHADER).unwrap()
+    naga::front::wgsl::parse_str(SHADER)
+        .unwrap_or_else(|error| panic!("{}", error.emit_to_string(SHADER)))
 }
 
 #[test]

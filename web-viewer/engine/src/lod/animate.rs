@@ -229,6 +229,7 @@ mod tests {
     }
 
     #[test]
+    #[expect(clippy::float_cmp, reason = "exact by construction")]
     fn refinement_appears_at_morph_one_and_ends_at_zero() {
         let charts = cube_charts(5);
         let mut drawn = Drawn::at_rest(Cut::coarsest(6));

@@ -275,6 +275,7 @@ mod tests {
     use crate::testing::{Random, cube_charts, random_cut};
 
     #[test]
+    #[expect(clippy::float_cmp, reason = "exact by construction")]
     fn cut_covers_each_chart_once() {
         let mut random = Random::new(1);
         for _ in 0..50 {

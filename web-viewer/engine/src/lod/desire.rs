@@ -58,9 +58,9 @@ impl Forest {
                     max: [0; 3],
                 };
                 for point in &samples.positions {
-                    for axis in 0..3 {
-                        bounds.min[axis] = bounds.min[axis].min(point[axis]);
-                        bounds.max[axis] = bounds.max[axis].max(point[axis]);
+                    for (axis, value) in point.iter().enumerate() {
+                        bounds.min[axis] = bounds.min[axis].min(*value);
+                        bounds.max[axis] = bounds.max[axis].max(*value);
                     }
                 }
                 bounds
@@ -243,10 +243,8 @@ fn is_refinable(document: &Document, leaf: Leaf, blocks: &mut BTreeSet<u32>) -> 
     let Some(first) = document.first_child(page) else {
         return false;
     };
-    // All four are asked, so that blocks of all four are noted.
-    children(first).into_iter().fold(true, |all, child| {
-        is_indexed(document, child, blocks) && all
-    })
+    // All four are asked before the answer, so that blocks of all four are noted.
+    children(first).map(|child| is_indexed(document, child, blocks)) == [true; 4]
 }
 
 fn is_indexed(document: &Document, page: PageId, blocks: &mut BTreeSet<u32>) -> bool {

@@ -113,9 +113,9 @@ impl Patch<'_> {
                 SideMode::Morph(morph) => morph,
                 SideMode::Snap => {
                     if side % 2 == 0 {
-                        to_i &= !1
+                        to_i &= !1;
                     } else {
-                        to_j &= !1
+                        to_j &= !1;
                     }
                     1.0
                 }

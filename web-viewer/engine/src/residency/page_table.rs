@@ -20,7 +20,7 @@ struct Resident {
     /// Kept where the page has children.
     samples: Option<PageSamples>,
     parent: Option<PageId>,
-    resident_children: u32,
+    children_here: u32,
     bytes: u64,
 }
 
@@ -116,12 +116,12 @@ impl PageTable {
                 slot,
                 samples,
                 parent,
-                resident_children: 0,
+                children_here: 0,
                 bytes,
             },
         );
         if let Some(parent) = parent.and_then(|parent| self.pages.get_mut(&parent)) {
-            parent.resident_children += 1;
+            parent.children_here += 1;
         }
         self.used_bytes += bytes;
         self.lru.touch(page);
@@ -163,7 +163,7 @@ impl PageTable {
             && self
                 .pages
                 .get(&page)
-                .is_some_and(|resident| resident.resident_children == 0)
+                .is_some_and(|resident| resident.children_here == 0)
     }
 
     fn evict(&mut self, page: PageId) {
@@ -175,7 +175,7 @@ impl PageTable {
             .parent
             .and_then(|parent| self.pages.get_mut(&parent))
         {
-            parent.resident_children = parent.resident_children.saturating_sub(1);
+            parent.children_here = parent.children_here.saturating_sub(1);
         }
         self.uploads.retain(|upload| upload.slot != resident.slot);
         self.slots.free(resident.slot);

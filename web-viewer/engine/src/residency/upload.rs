@@ -5,7 +5,7 @@
 //! again. At most half of a band is lost (17² squares), one row in 34 for full pages.
 
 use marquetry_format::PageSamples;
-use std::collections::BTreeMap;
+use std::collections::BTreeSet;
 
 /// Texels a side of one layer.
 pub const LAYER_SIZE: u32 = 1024;
@@ -56,7 +56,7 @@ struct Band {
 pub struct SlotAllocator {
     bands: Vec<Option<Band>>,
     /// Bands with a free square, by resolution.
-    open: BTreeMap<(u8, u32), ()>,
+    open: BTreeSet<(u8, u32)>,
     empty: Vec<u32>,
 }
 
@@ -67,7 +67,7 @@ impl SlotAllocator {
             .open
             .range((resolution, 0)..=(resolution, u32::MAX))
             .next()
-            .map(|((_, band), ())| *band);
+            .map(|(_, band)| *band);
         let index = match open {
             Some(band) => band,
             None => self.new_band(resolution)?,
@@ -100,7 +100,7 @@ impl SlotAllocator {
         let across = LAYER_SIZE / slot.side();
         band.free
             .push(slot.y % BAND_ROWS / slot.side() * across + slot.x / slot.side());
-        self.open.insert((slot.resolution, index), ());
+        self.open.insert((slot.resolution, index));
         if band.free.len() == band.total {
             *place = None;
             self.open.remove(&(slot.resolution, index));
@@ -116,23 +116,20 @@ impl SlotAllocator {
     }
 
     fn new_band(&mut self, resolution: u8) -> Option<u32> {
-        let index = match self.empty.pop() {
-            Some(index) => index,
-            None => {
-                let index = u32::try_from(self.bands.len())
-                    .ok()
-                    .filter(|n| *n < MAX_LAYERS * BANDS_PER_LAYER)?;
-                self.bands.push(None);
-                index
-            }
-        };
+        let index = self.empty.pop().or_else(|| {
+            let new = u32::try_from(self.bands.len())
+                .ok()
+                .filter(|n| *n < MAX_LAYERS * BANDS_PER_LAYER)?;
+            self.bands.push(None);
+            Some(new)
+        })?;
         let side = (1u32 << resolution) + 1;
         let free: Vec<u32> = (0..(LAYER_SIZE / side) * (BAND_ROWS / side))
             .rev()
             .collect();
         let total = free.len();
         *self.bands.get_mut(usize::try_from(index).ok()?)? = Some(Band { free, total });
-        self.open.insert((resolution, index), ());
+        self.open.insert((resolution, index));
         Some(index)
     }
 }
@@ -250,7 +247,9 @@ mod tests {
         let mut allocator = SlotAllocator::default();
         let full: Vec<Slot> = (0..31).map(|_| allocator.allocate(5).unwrap()).collect();
         assert!(full.iter().all(|slot| slot.band() == 0));
-        full.into_iter().for_each(|slot| allocator.free(slot));
+        for slot in full {
+            allocator.free(slot);
+        }
         assert_eq!(allocator.allocate(2).unwrap().band(), 0);
         assert_eq!(allocator.layers(), 1);
     }

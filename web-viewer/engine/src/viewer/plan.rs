@@ -26,8 +26,8 @@ impl Viewer {
 
     /// Finds the finest cut whose pages fit the cache, and the pages it needs.
     pub(super) fn plan(&mut self, view: &View) {
-        self.plan_is_stale = false;
-        self.target_is_stale = true;
+        self.stale.plan = false;
+        self.stale.target = true;
         self.planned_resting = self.is_resting();
         let previous = (!self.planned_resting).then(|| self.wanted.cut.clone());
         let try_step = |viewer: &Self, step: u32| {

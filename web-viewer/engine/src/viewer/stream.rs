@@ -54,7 +54,7 @@ impl Viewer {
                     }
                     self.fetched += 1;
                     self.fetcher.succeed(Item::Page(page));
-                    self.target_is_stale = true;
+                    self.stale.target = true;
                 }
                 Err(reason) => self.fetcher.fail(
                     self.clock,

@@ -2,7 +2,7 @@
 
 use marquetry_engine::{Request, RequestId, Viewer};
 use marquetry_format::ByteSource;
-use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel};
+use std::sync::mpsc::{Receiver, Sender, channel};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
 
@@ -70,10 +70,7 @@ impl Loader {
         if self.in_flight == 0 {
             return;
         }
-        let mut next = match self.answers.recv_timeout(patience) {
-            Ok(answer) => Some(answer),
-            Err(RecvTimeoutError::Timeout | RecvTimeoutError::Disconnected) => None,
-        };
+        let mut next = self.answers.recv_timeout(patience).ok();
         while let Some((id, answer)) = next {
             self.in_flight -= 1;
             viewer.deliver(id, answer);

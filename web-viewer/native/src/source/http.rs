@@ -13,7 +13,7 @@ const CONNECT_TIMEOUT: Duration = Duration::from_secs(10);
 /// Longest silence while something is expected.
 const SILENCE_TIMEOUT: Duration = Duration::from_secs(20);
 /// Longest one request may take, however slowly bytes come.
-const CALL_TIMEOUT: Duration = Duration::from_secs(120);
+const CALL_TIMEOUT: Duration = Duration::from_mins(2);
 /// Pauses before second, third, … attempts.
 const PAUSES: [Duration; 2] = [Duration::from_millis(200), Duration::from_millis(800)];
 
@@ -161,7 +161,7 @@ fn fetch(
         Failure::Passing(reason) => {
             Failure::Passing(format!("the answer to {asked} broke off: {reason}"))
         }
-        last => last,
+        last @ Failure::Final(_) => last,
     })?;
     if bytes.len() as u64 != expected {
         let count = bytes.len();

@@ -8,7 +8,8 @@ use std::net::{Ipv4Addr, TcpListener, TcpStream};
 use std::path::{Path, PathBuf};
 use tempfile::TempDir;
 
-/// Asserts how a refusal looks: the name of the input and one of `causes` in the message.
+/// Asserts how a refusal looks: the name of the input on standard error, one of `causes` there or (the list of `verify`) on
+/// standard output.
 fn assert_refused(finished: &Finished, name: &str, causes: &[&str]) {
     let said = &finished.stderr;
     assert!(!finished.panicked(), "{name}: panicked:\n{said}");
@@ -21,10 +22,10 @@ fn assert_refused(finished: &Finished, name: &str, causes: &[&str]) {
         said.contains(name),
         "{name}: the message does not name the file:\n{said}"
     );
-    let lower = said.to_lowercase();
+    let lower = format!("{said}{}", finished.stdout).to_lowercase();
     assert!(
         causes.iter().any(|cause| lower.contains(cause)),
-        "{name}: none of {causes:?} in:\n{said}"
+        "{name}: none of {causes:?} in:\n{lower}"
     );
 }
 

@@ -127,7 +127,7 @@ pub struct ViewerOptions {
     pub background: Background,
     /// Most bytes (CPU and GPU together) that evictable pages may take. The base is not counted: it never leaves.
     pub cache_bytes: u64,
-    /// Most pages decoded and uploaded in one update; at least 1.
+    /// Most pages decoded and uploaded in one update, small ones counted by their samples; at least 1.
     pub pages_per_update: usize,
     /// Most requests under way at once; at least 1.
     pub requests_in_flight: usize,

@@ -1,5 +1,7 @@
 //! The shader puts vertices where the CPU reference does, and equal vertices of different charts on equal floats.
 
+#![expect(clippy::unwrap_used, reason = "a test that cannot go on fails")]
+
 use marquetry_engine::camera::View;
 use marquetry_engine::gpu_types::{Frame, Instance};
 use marquetry_engine::lod::animate::Drawn;

@@ -1,5 +1,7 @@
 //! Pictures: no hole in any state of the cache, and the same picture by every way to it.
 
+#![expect(clippy::unwrap_used, reason = "a test that cannot go on fails")]
+
 use marquetry_engine::camera::STANDARD_VIEWS;
 use marquetry_engine::testing::{Random, Shape, random_finest};
 use marquetry_engine::{Background, Camera, Shade, ViewerOptions, Viewport};

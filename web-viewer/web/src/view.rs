@@ -15,9 +15,6 @@ const SHIFT: u8 = 1;
 const CONTROL: u8 = 2;
 const ALT: u8 = 4;
 
-/// Pages decoded in one frame: a few milliseconds on a slow machine.
-const PAGES_PER_FRAME: usize = 12;
-
 /// A file on a canvas. JavaScript calls [`View::frame`] whenever the browser wants a picture.
 #[wasm_bindgen]
 #[derive(Debug)]
@@ -43,11 +40,7 @@ impl View {
         let document = opener
             .into_document()
             .ok_or_else(|| JsError::new("the file is not open"))?;
-        let options = ViewerOptions {
-            pages_per_update: PAGES_PER_FRAME,
-            ..ViewerOptions::default()
-        };
-        let viewer = Viewer::new(document, options)?;
+        let viewer = Viewer::new(document, ViewerOptions::default())?;
         let gpu = Rc::clone(&gpu.context);
         let renderer = Renderer::new(&gpu.device, &gpu.queue, gpu.format);
         let viewport = Viewport::new(1, 1);

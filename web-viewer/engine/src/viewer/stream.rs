@@ -6,12 +6,19 @@ use crate::lod::mesh::base_of;
 use crate::lod::residency::NeededPage;
 use crate::residency::fetch::Item;
 use crate::residency::page_table::bytes_of;
+use marquetry_format::quadtree::PAGE_RESOLUTION;
 use marquetry_format::{PageId, PageSamples};
+
+/// Samples of a page at `resolution`.
+fn samples_of(resolution: u8) -> usize {
+    let side = (1usize << resolution) + 1;
+    side * side
+}
 
 impl Viewer {
     /// Decodes what arrived, parents first, as far as one update may and the cache has room.
     pub(super) fn decode_arrived(&mut self) {
-        let mut left = self.options.pages_per_update;
+        let mut left = self.options.pages_per_update * samples_of(PAGE_RESOLUTION);
         for page in self.fetcher.arrived() {
             let Some(needed) = self
                 .needed_index
@@ -46,7 +53,7 @@ impl Viewer {
             {
                 break;
             }
-            left -= 1;
+            left = left.saturating_sub(samples_of(entry.resolution));
             match self.decode(what) {
                 Ok(samples) => {
                     if !self.table.insert(page, what.parent, samples, has_children) {

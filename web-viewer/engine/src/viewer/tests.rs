@@ -211,7 +211,13 @@ fn pages_that_never_come_leave_the_coarser_picture() {
     network.settle(&mut viewer);
     assert!(viewer.stats().pages.missing > 0);
     let resident = |needed: &&Needed| viewer.table.contains(needed.what.page);
-    assert!(viewer.needed.iter().filter(resident).all(|needed| needed.what.page.0 % 3 != 1));
+    assert!(
+        viewer
+            .needed
+            .iter()
+            .filter(resident)
+            .all(|needed| needed.what.page.0 % 3 != 1)
+    );
     let coarse = viewer.stats().triangles;
     viewer.set_page_filter(None);
     network.settle(&mut viewer);
@@ -276,7 +282,9 @@ fn cameras_and_times_that_are_not_finite_are_ignored() {
     });
     assert_eq!(viewer.camera(), before);
     network.open.extend(viewer.update(f64::NAN, VIEWPORT));
-    network.open.extend(viewer.update(-1.0, Viewport::new(0, 0)));
+    network
+        .open
+        .extend(viewer.update(-1.0, Viewport::new(0, 0)));
     network.settle(&mut viewer);
 }
 

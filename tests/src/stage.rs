@@ -16,8 +16,8 @@ use std::sync::Arc;
 /// Colour that no grey surface shows: full red and blue, no green.
 pub const MAGENTA: [u8; 3] = [255, 0, 255];
 
-/// Seconds of one step: slow enough for a quarter-second morph to be seen on its way.
-pub const STEP_SECONDS: f64 = 0.05;
+/// Seconds of one step: short enough for a quarter-second morph to be seen on its way.
+pub const STEP_SECONDS: f64 = 0.1;
 
 /// Steps after which a view that has not settled never will: fetches take one step each, and so do morphs' parts.
 const STEP_LIMIT: usize = 3000;

@@ -17,6 +17,8 @@ const SAME_PICTURE = 0.98;
 /** Least similarity of a view and the same view by its link, which rounds the camera to nine digits. */
 const SAME_LINK = 0.995;
 const BACKGROUND = "202226";
+/** Pixels of error once the picture at 1 px is compared: software drawing takes seconds a frame. */
+const EASY_PX = "6";
 
 const given = options(["marquetry", "chromium", "out"]);
 const out = resolve(given.out ?? "target/browser");
@@ -99,6 +101,8 @@ async function picture() {
 }
 
 async function moving() {
+  await main.read((viewer, px) => viewer.setAttribute("error-px", px), EASY_PX);
+  await main.rest();
   const reset = async () => {
     await main.page.locator("marquetry-viewer").focus();
     await main.page.keyboard.press("Home");
@@ -191,7 +195,7 @@ async function thePage() {
     const [camera, before] = [await main.camera(), await main.screenshot()];
     const address = main.page.url();
     assert.match(address, /#camera=/);
-    const again = await ViewerPage.open(chromium, address);
+    const again = await ViewerPage.open(chromium, address.replace("#", `&error-px=${EASY_PX}#`));
     await again.settle();
     const close = (await again.camera()).every((value, i) => Math.abs(value - camera[i]) <= 1e-7 * reach(camera));
     assert.ok(close, `${camera} and ${await again.camera()}`);
@@ -227,7 +231,7 @@ async function thePage() {
     assert.deepEqual(await list.page.locator("#files strong").allTextContents(), ["dragon", "second one"]);
     await list.page.screenshot({ path: join(out, "catalogue.png") });
     await links.nth(1).click();
-    await list.settle();
+    await list.state("ready", "settled");
     await list.page.screenshot({ path: join(out, "light.png") });
     assert.deepEqual(list.complaints, []);
     await list.close();
@@ -236,7 +240,7 @@ async function thePage() {
 
 async function otherHosts() {
   await checks.run("a host that only knows ranges will do", async () => {
-    const viewer = await ViewerPage.open(chromium, `${server.url}/?file=dragon`, {
+    const viewer = await ViewerPage.open(chromium, `${server.url}/?file=dragon&error-px=${EASY_PX}`, {
       prepare: (page) => page.route("**/pages/**", (route) => route.fulfill({ status: 404 })),
     });
     await viewer.settle();
@@ -280,7 +284,7 @@ async function failures() {
 
   await checks.run("broken pages are asked for again", async () => {
     let broken = 0;
-    const viewer = await ViewerPage.open(chromium, `${server.url}/?file=dragon`, {
+    const viewer = await ViewerPage.open(chromium, `${server.url}/?file=dragon&error-px=${EASY_PX}`, {
       prepare: (page) =>
         page.route("**/pages/**", async (route) => {
           const turn = broken++;
@@ -304,7 +308,7 @@ async function failures() {
   });
   await checks.run("trying again helps once the server is back", async () => {
     let down = true;
-    const viewer = await ViewerPage.open(chromium, `${server.url}/?file=dragon`, {
+    const viewer = await ViewerPage.open(chromium, `${server.url}/?file=dragon&error-px=${EASY_PX}`, {
       prepare: (page) => page.route("**/files/**", (route) => (down ? route.abort() : route.continue())),
     });
     await viewer.state("failed");

@@ -27,7 +27,7 @@ use std::sync::atomic::{AtomicU64, Ordering};
 /// Seconds without a camera move after which hysteresis ends, so that a settled picture depends on the view alone.
 const REST_SECONDS: f64 = 0.25;
 /// Longest step of time that one update makes, seconds: after a stall morphs go on from where they were.
-const LONGEST_STEP: f64 = 0.1;
+const LONGEST_STEP: f64 = 0.25;
 /// Which pages may be fetched.
 pub type PageFilter = Box<dyn Fn(PageId) -> bool + Send + Sync>;
 

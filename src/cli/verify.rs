@@ -28,11 +28,16 @@ pub(super) fn run(arguments: &Arguments, output: &Output) -> anyhow::Result<Verd
     if report.ok {
         return Ok(Verdict::Good);
     }
-    let failed = report.checks.iter().filter(|check| !check.ok).count();
+    let failed: Vec<&Check> = report.checks.iter().filter(|check| !check.ok).collect();
+    let first = failed
+        .iter()
+        .find_map(|check| Some(format!("{}: {}", check.name, check.failures.first()?)));
     super::output::complain(&format!(
-        "error: {}: {failed} of {} checks failed; convert its input again, or copy the file again",
+        "error: {}: {} of {} checks failed ({}); convert its input again, or copy the file again",
         arguments.file,
-        report.checks.len()
+        failed.len(),
+        report.checks.len(),
+        first.unwrap_or_default()
     ));
     Ok(Verdict::Bad)
 }

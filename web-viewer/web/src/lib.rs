@@ -2,8 +2,8 @@
 //!
 //! The division of labour: JavaScript (`js/`) owns the page, that is elements, events, `fetch` and the frame
 //! loop; this crate owns everything that is the same in every shell, and the canvas' GPU context.
-//! [`opener::Opener`] turns the first bytes into a document, [`gpu::Gpu`] a canvas into a device, and
-//! [`view::View`] both into pictures.
+//! `opener::Opener` turns the first bytes into a document, `gpu::Gpu` a canvas into a device, and
+//! `view::View` both into pictures.
 //!
 //! Limit: pages are decoded on the main thread, a few a frame.
 

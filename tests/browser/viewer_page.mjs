@@ -1,7 +1,7 @@
 // The page under test, as a user and as a spy.
 
 /** Time limit of one wait: software WebGPU on two busy cores is slow. */
-export const PATIENCE_MS = 180_000;
+export const PATIENCE_MS = 400_000;
 
 /** Runs in the page before its own scripts: counts requests for the file, and drawing. */
 function spy() {

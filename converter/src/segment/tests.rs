@@ -283,7 +283,7 @@ fn scans_are_segmented() {
 }
 
 #[test]
-#[ignore = "a minute without optimisation; run with --release -- --ignored"]
+#[cfg_attr(debug_assertions, ignore = "a minute without optimisation")]
 fn dragon_is_segmented() {
     let Some(mesh) = scan("dragon_vrip.ply") else {
         return;

@@ -1,6 +1,7 @@
 //! Scan to atlas: importers, segmentation, parametrization, resampling.
 
 pub mod atlas;
+pub mod cluster;
 pub mod error;
 pub mod import;
 pub mod mesh;

@@ -1,6 +1,7 @@
 //! The whole way from a mesh file to a `.marq` file.
 
 use crate::atlas::{build, chart_graph, quantize};
+use crate::cluster;
 use crate::error::ImportError;
 use crate::import;
 use crate::mesh::{self, ImportedMesh, ManifoldMesh, NONE};
@@ -267,47 +268,22 @@ impl Conversion<'_> {
         let diagonal = (max - min).length();
         let target = self.options.error_rel * diagonal;
 
-        self.begin("segment")?;
-        let segmentation =
-            segment::segment(&mesh, target_regions(mesh.triangles.len(), handles(&mesh)));
-        self.begin("quadrangulate")?;
-        let Layout {
-            mut patches,
-            borders,
-            ..
-        } = self.layout(&mesh, segmentation)?;
-        chart_graph::sort_along_curve(
-            &mut patches,
-            min,
-            (max - min).max_element().max(f64::MIN_POSITIVE),
-        );
-        let glue = chart_graph::glue(&patches, borders.len());
-
-        self.begin("parametrize")?;
-        let parametrizations: Vec<Parametrization> = patches
-            .par_iter_mut()
-            .map(|patch| parameterize::parameterize(patch, &borders))
-            .collect();
-
-        self.begin("resample")?;
         let lattice = quantize::lattice(min, max, target);
-        let progress = self.stages.progress;
-        let atlas = build::build(
-            &build::Surface {
-                patches: &patches,
-                parametrizations: &parametrizations,
-                borders: &borders,
-                glue: &glue,
-                lattice,
-                colours: has_colours,
-                target,
-            },
-            &|done| progress.fraction(done),
-        );
-        drop((patches, parametrizations, borders));
+        let selection = cluster::select::select(&mesh);
+        let surface = selection.as_ref().map_or(&mesh, |found| &found.rest);
+        let atlas = self.atlas(surface, (min, max), lattice, has_colours)?;
+        let clusters = match &selection {
+            None => None,
+            Some(found) => {
+                self.begin("cluster")?;
+                let small = &found.small;
+                Some(cluster::build(&mesh, small, &lattice, has_colours))
+            }
+        };
+        drop(selection);
 
         self.begin("measure")?;
-        let error = self.judge(&mesh, &atlas, &lattice, diagonal)?;
+        let error = self.judge(&mesh, &atlas, clusters.as_ref(), &lattice, diagonal)?;
 
         self.begin("write")?;
         let metadata = Metadata {
@@ -329,7 +305,7 @@ impl Conversion<'_> {
                 .unwrap_or_default(),
             generator: concat!("marquetry ", env!("CARGO_PKG_VERSION")).to_owned(),
         };
-        let output = self.write(&metadata, &atlas)?;
+        let output = self.write(&metadata, &atlas, clusters.as_ref())?;
         self.stages.end();
         Ok(Report {
             input: InputReport {
@@ -353,6 +329,59 @@ impl Conversion<'_> {
         })
     }
 
+    /// Charts of `mesh`, all the way to their samples; none where it has no triangles.
+    fn atlas(
+        &mut self,
+        mesh: &ManifoldMesh,
+        (min, max): (DVec3, DVec3),
+        lattice: Lattice,
+        colours: bool,
+    ) -> Result<build::Atlas, ConvertError> {
+        if mesh.triangles.is_empty() {
+            return Ok(build::Atlas {
+                charts: Vec::new(),
+                max_error: 0.0,
+                samples: 0,
+            });
+        }
+        self.begin("segment")?;
+        let segmentation =
+            segment::segment(mesh, target_regions(mesh.triangles.len(), handles(mesh)));
+        self.begin("quadrangulate")?;
+        let Layout {
+            mut patches,
+            borders,
+            ..
+        } = self.layout(mesh, segmentation)?;
+        chart_graph::sort_along_curve(
+            &mut patches,
+            min,
+            (max - min).max_element().max(f64::MIN_POSITIVE),
+        );
+        let glue = chart_graph::glue(&patches, borders.len());
+
+        self.begin("parametrize")?;
+        let parametrizations: Vec<Parametrization> = patches
+            .par_iter_mut()
+            .map(|patch| parameterize::parameterize(patch, &borders))
+            .collect();
+
+        self.begin("resample")?;
+        let progress = self.stages.progress;
+        Ok(build::build(
+            &build::Surface {
+                patches: &patches,
+                parametrizations: &parametrizations,
+                borders: &borders,
+                glue: &glue,
+                lattice,
+                colours,
+                target: self.options.error_rel * (max - min).length(),
+            },
+            &|done| progress.fraction(done),
+        ))
+    }
+
     fn refuse_non_finite(&self, mesh: &ImportedMesh) -> Result<(), ConvertError> {
         let mut bad = (0..mesh.positions.len()).filter(|&v| !mesh.positions[v].is_finite());
         match bad.next() {
@@ -370,10 +399,16 @@ impl Conversion<'_> {
         &self,
         mesh: &ManifoldMesh,
         atlas: &build::Atlas,
+        clusters: Option<&cluster::Layer>,
         lattice: &Lattice,
         diagonal: f64,
     ) -> Result<ErrorReport, ConvertError> {
-        let (positions, triangles) = quantize::finest_surface(&atlas.charts, lattice);
+        let (mut positions, mut triangles) = quantize::finest_surface(&atlas.charts, lattice);
+        let mut bound = atlas.max_error;
+        if let Some(layer) = clusters {
+            cluster::append_finest(&layer.root, lattice, &mut positions, &mut triangles);
+            bound = bound.max(layer.max_error);
+        }
         let measured = distance::measure(
             distance::Mesh {
                 positions: &positions,
@@ -399,7 +434,7 @@ impl Conversion<'_> {
         let error = ErrorReport {
             target_rel: self.options.error_rel,
             // The bound holds for real numbers; rounding must not let it fall below what was seen.
-            max_rel: relative(measured.hausdorff().max(atlas.max_error)),
+            max_rel: relative(measured.hausdorff().max(bound)),
             rms_rel: relative(measured.rms()),
             hausdorff_rel: relative(measured.hausdorff()),
         };
@@ -470,6 +505,7 @@ impl Conversion<'_> {
         &self,
         metadata: &Metadata,
         atlas: &build::Atlas,
+        clusters: Option<&cluster::Layer>,
     ) -> Result<OutputReport, ConvertError> {
         let failed = |source| ConvertError::Output {
             path: self.output.to_owned(),
@@ -490,7 +526,11 @@ impl Conversion<'_> {
             .map_err(failed)?;
         let bytes = {
             let mut out = std::io::BufWriter::new(file.as_file_mut());
-            let bytes = writer::write_atlas(metadata, &metadata.lattice, &atlas.charts, &mut out)
+            let content = writer::Content {
+                charts: &atlas.charts,
+                clusters: clusters.map(|layer| &layer.root),
+            };
+            let bytes = writer::write(metadata, &metadata.lattice, &content, &mut out)
                 .map_err(unreadable)?;
             out.flush().map_err(failed)?;
             bytes
@@ -509,10 +549,11 @@ impl Conversion<'_> {
         Ok(OutputReport {
             path: self.output.display().to_string(),
             bytes: bytes.total,
-            pages: document.page_count(),
+            pages: document.stored_page_count(),
             charts: document.charts.len(),
             levels: u32::from(levels) + 1,
             samples: atlas.samples,
+            clusters: clusters.map(|layer| layer.summary).unwrap_or_default(),
         })
     }
 }

@@ -61,6 +61,8 @@ pub struct OutputReport {
     pub levels: u32,
     /// Samples of the pages, shared ones counted in each.
     pub samples: u64,
+    /// Components that became clusters.
+    pub clusters: crate::cluster::Summary,
 }
 
 /// One stage.

@@ -57,7 +57,8 @@ pub(crate) fn decode_charts(bytes: &[u8], limits: &Limits) -> Result<(Vec<Chart>
             value: u64::from(reserved),
         });
     }
-    if count == 0 {
+    // A file without charts has none of what belongs to them.
+    if count == 0 && error_bytes != 0 {
         return Err(Error::Value {
             what: "number of charts",
             found: 0,

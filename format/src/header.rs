@@ -23,7 +23,7 @@ pub const MAX_SECTIONS: u32 = 64;
 /// Flag of a section that a reader must refuse when it does not know its type.
 pub const MUST_UNDERSTAND: u32 = 1;
 
-/// Types of sections. 1 to 6 make an atlas and are in every file; 16 and up are named for later versions.
+/// Types of sections. 1 to 6 make an atlas and are in every file; of the others this version knows the clusters'.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
 #[repr(u32)]
 pub enum SectionKind {
@@ -41,7 +41,7 @@ pub enum SectionKind {
     Pages = 6,
     /// Heightfield pages.
     Terrain = 16,
-    /// Trees of simplified clusters.
+    /// Tree of clusters, and the mesh of its root.
     Clusters = 17,
     /// Colour texels by node.
     ColourTiles = 18,
@@ -51,6 +51,8 @@ pub enum SectionKind {
     Proxy = 20,
     /// Preview picture; ignorable.
     Thumbnail = 21,
+    /// Meshes of the clusters below the root.
+    ClusterPages = 22,
 }
 
 /// The types that make an atlas, in the order in which they must lie in the file.
@@ -62,6 +64,10 @@ pub(crate) const ATLAS_SECTIONS: [SectionKind; 6] = [
     SectionKind::IndexBlocks,
     SectionKind::Pages,
 ];
+
+/// The types that make a cluster layer: both are in a file, or none.
+pub(crate) const CLUSTER_SECTIONS: [SectionKind; 2] =
+    [SectionKind::Clusters, SectionKind::ClusterPages];
 
 /// One entry of the section table.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -222,7 +228,10 @@ impl Header {
                 });
             }
             if flags & MUST_UNDERSTAND != 0
-                && !ATLAS_SECTIONS.iter().any(|&known| known as u32 == kind)
+                && !ATLAS_SECTIONS
+                    .iter()
+                    .chain(&CLUSTER_SECTIONS)
+                    .any(|&known| known as u32 == kind)
             {
                 return Err(Error::UnknownSection { index, kind });
             }
@@ -276,12 +285,49 @@ impl Header {
         if let Some(kind) = atlas.next() {
             return Err(Error::MissingSection { kind });
         }
+        self.check_clusters()?;
         if end != self.file_length {
             return Err(Error::Mismatch {
                 what: "end of the last section",
                 expected: self.file_length,
                 found: end,
             });
+        }
+        Ok(())
+    }
+
+    /// The cluster sections are both there, once, the tree within the front.
+    fn check_clusters(&self) -> Result<(), Error> {
+        let mut found = [None; 2];
+        for (index, section) in (0u32..).zip(&self.sections) {
+            let kind = section.kind;
+            let place = CLUSTER_SECTIONS.iter().position(|&own| own as u32 == kind);
+            let Some(slot) = place.and_then(|place| found.get_mut(place)) else {
+                continue;
+            };
+            if slot.replace(index).is_some() {
+                return Err(Error::Section {
+                    index,
+                    kind,
+                    fault: "is there twice",
+                });
+            }
+            if kind == SectionKind::Clusters as u32 && section.range.end > self.front_length {
+                return Err(Error::Section {
+                    index,
+                    kind,
+                    fault: "does not lie in the front",
+                });
+            }
+        }
+        for (place, other) in [(0, 1), (1, 0)] {
+            if found.get(place) == Some(&None) && found.get(other) != Some(&None) {
+                return Err(Error::MissingSection {
+                    kind: CLUSTER_SECTIONS
+                        .get(place)
+                        .map_or(0, |&section| section as u32),
+                });
+            }
         }
         Ok(())
     }

@@ -24,6 +24,7 @@
 mod bytes;
 mod bytes_by_part;
 pub mod chart;
+pub mod cluster;
 pub mod codec;
 pub mod error;
 #[cfg(any(test, feature = "fuzzing"))]
@@ -46,6 +47,7 @@ pub mod writer;
 
 pub use bytes_by_part::BytesByPart;
 pub use chart::{Chart, ChartId, Glue, Side};
+pub use cluster::{ClusterId, ClusterMesh, ClusterNode, Clusters};
 pub use codec::octahedral;
 pub use error::Error;
 pub use index::{NormalCone, PageEntry};

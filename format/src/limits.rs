@@ -7,11 +7,13 @@ pub struct Limits {
     pub charts: u32,
     /// Pages in a file.
     pub pages: u32,
+    /// Nodes of the cluster tree.
+    pub clusters: u32,
     /// Bytes of metadata, encoded.
     pub metadata_bytes: u64,
     /// Bytes of any one front section (directory, glue, base), decoded.
     pub section_bytes: u64,
-    /// Stored bytes of one page.
+    /// Stored bytes of one page, also of one cluster.
     pub page_bytes: u32,
 }
 
@@ -20,6 +22,7 @@ impl Default for Limits {
         Self {
             charts: 1 << 22,
             pages: 1 << 26,
+            clusters: 1 << 20,
             metadata_bytes: 1 << 20,
             section_bytes: 1 << 26,
             page_bytes: 1 << 17,

@@ -5,6 +5,7 @@
 //! in one request where it is not larger than [`WHOLE_READ_BYTES`], since a source may be far away.
 
 mod bytes;
+mod clusters;
 mod pages;
 
 use crate::rules::Tally;
@@ -84,6 +85,7 @@ pub fn verify(source: &dyn ByteSource) -> Result<Report, Error> {
     if complete {
         pages::check(&document, source, &mut report);
     }
+    clusters::check(&document, source, &mut report);
     Ok(report)
 }
 

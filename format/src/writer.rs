@@ -11,21 +11,27 @@
     reason = "no bytes of a file come here, the input is checked first, and sums of sizes in memory fit 64 bits"
 )]
 
+mod clusters;
 mod input;
 
 pub use crate::BytesByPart;
 pub use crate::reader::FIRST_IMAGE_BYTES;
 
 use crate::chart::encode_charts;
+use crate::cluster::ClusterMesh;
 use crate::codec::page::{Coding, encode_base, encode_child, encode_root};
 use crate::codec::payload::PartBytes;
-use crate::header::{ATLAS_SECTIONS, Header, MINOR, MUST_UNDERSTAND, Section, checksum};
+use crate::header::{
+    ATLAS_SECTIONS, CLUSTER_SECTIONS, Header, MINOR, MUST_UNDERSTAND, Section, SectionKind,
+    checksum,
+};
 use crate::index::BLOCK_PAGES;
 use crate::index::block::{PageFacts, encode_facts};
 use crate::index::directory::{BlockRecord, Directory};
 use crate::index::quantize::{BoundsCode, cosine_code, error_code, widen_cone};
 use crate::parallel::map_ordered;
 use crate::{Error, Glue, Lattice, Metadata, NormalCone, PageSamples};
+use clusters::ClusterLayer;
 use input::Pages;
 
 /// One node of a chart's tree, as the converter made it.
@@ -51,11 +57,48 @@ pub struct ChartInput {
     pub root: NodeInput,
 }
 
+/// One node of the cluster tree, as the converter made it.
+#[derive(Debug, Clone, Default)]
+pub struct ClusterInput {
+    /// Its triangles, 1 to 256 with at most 256 vertices; the writer orders the vertices anew.
+    pub mesh: ClusterMesh,
+    /// As [`ClusterNode::error`](crate::ClusterNode::error); never above the parent's.
+    pub error: f32,
+    /// None, or 2 to 255.
+    pub children: Vec<ClusterInput>,
+}
+
+/// What a file holds. Either may be missing, not both.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct Content<'a> {
+    /// The atlas.
+    pub charts: &'a [ChartInput],
+    /// The root of the cluster tree.
+    pub clusters: Option<&'a ClusterInput>,
+}
+
 /// A page ready to be stored.
 struct Encoded {
     bytes: Vec<u8>,
     parts: PartBytes,
     facts: PageFacts,
+}
+
+/// Writes a whole file with an atlas alone to `out`; see [`write()`].
+///
+/// # Errors
+/// As [`write()`].
+pub fn write_atlas(
+    metadata: &Metadata,
+    lattice: &Lattice,
+    charts: &[ChartInput],
+    out: &mut dyn std::io::Write,
+) -> Result<BytesByPart, Error> {
+    let content = Content {
+        charts,
+        clusters: None,
+    };
+    write(metadata, lattice, &content, out)
 }
 
 /// Writes a whole file to `out`.
@@ -65,10 +108,10 @@ struct Encoded {
 ///
 /// # Errors
 /// When the input breaks a rule of the format, or `out` fails.
-pub fn write_atlas(
+pub fn write(
     metadata: &Metadata,
     lattice: &Lattice,
-    charts: &[ChartInput],
+    content: &Content<'_>,
     out: &mut dyn std::io::Write,
 ) -> Result<BytesByPart, Error> {
     if metadata.lattice != *lattice {
@@ -83,15 +126,32 @@ pub fn write_atlas(
         shift: lattice.shift,
         has_colours: metadata.has_colours,
     };
+    let charts = content.charts;
+    let clusters = content
+        .clusters
+        .map(|root| ClusterLayer::new(root, coding))
+        .transpose()?;
+    if charts.is_empty() && clusters.is_none() {
+        return Err(Error::Input {
+            rule: "a file has a chart or a cluster",
+            detail: "neither was given".to_owned(),
+        });
+    }
     let pages = Pages::new(charts, coding)?;
     let block_count = u32::try_from(pages.flat.len())
         .unwrap_or(u32::MAX)
         .div_ceil(BLOCK_PAGES);
 
-    let before_charts = Header::encoded_length(ATLAS_SECTIONS.len() as u32)
+    let kinds: Vec<SectionKind> = if clusters.is_some() {
+        SECTIONS_WITH_CLUSTERS.to_vec()
+    } else {
+        ATLAS_SECTIONS.to_vec()
+    };
+    let before_charts = Header::encoded_length(kinds.len() as u32)
         + metadata_bytes.len() as u64
         + Directory::encoded_length(block_count);
-    let front = Front::new(charts, coding, before_charts)?;
+    let tree_bytes = clusters.as_ref().map_or(0, ClusterLayer::tree_bytes);
+    let front = Front::new(charts, coding, before_charts + tree_bytes)?;
     let encoded = encode_pages(&pages, coding, front.base_resolution)?;
 
     let facts = encoded
@@ -105,9 +165,9 @@ pub fn write_atlas(
             )
         })
         .collect::<Result<Vec<_>, Error>>()?;
-    let content_id = content_id(&metadata_bytes, &front, &facts, &encoded);
+    let content_id = content_id(&metadata_bytes, &front, &facts, &encoded, clusters.as_ref());
 
-    let index_start = before_charts + (front.charts.len() + front.base.len()) as u64;
+    let index_start = before_charts + tree_bytes + (front.charts.len() + front.base.len()) as u64;
     let (index_bytes, directory) = index(&content_id, charts.len(), index_start, &encoded, &facts);
     let page_bytes: Vec<u8> = encoded
         .iter()
@@ -115,17 +175,28 @@ pub fn write_atlas(
         .copied()
         .collect();
 
-    let bodies = [
-        metadata_bytes,
-        directory.encode(),
-        front.charts,
-        front.base,
-        index_bytes,
-        page_bytes,
-    ];
-    let mut end = Header::encoded_length(ATLAS_SECTIONS.len() as u32);
+    let (tree, cluster_pages) = match &clusters {
+        Some(layer) => (
+            layer.tree_section(&content_id),
+            layer.pages().collect::<Vec<_>>().concat(),
+        ),
+        None => (Vec::new(), Vec::new()),
+    };
+    let directory_bytes = directory.encode();
+    let body_of = |kind| match kind {
+        SectionKind::Metadata => &metadata_bytes,
+        SectionKind::Directory => &directory_bytes,
+        SectionKind::Charts => &front.charts,
+        SectionKind::Clusters => &tree,
+        SectionKind::Base => &front.base,
+        SectionKind::IndexBlocks => &index_bytes,
+        SectionKind::ClusterPages => &cluster_pages,
+        _ => &page_bytes,
+    };
+    let mut end = Header::encoded_length(kinds.len() as u32);
     let mut sections = Vec::new();
-    for (kind, body) in ATLAS_SECTIONS.into_iter().zip(&bodies) {
+    for &kind in &kinds {
+        let body = body_of(kind);
         let range = end..end + body.len() as u64;
         end = range.end;
         let checksum = checksum(&content_id, body);
@@ -144,28 +215,36 @@ pub fn write_atlas(
         sections,
     };
     out.write_all(&header.encode()).map_err(Error::Output)?;
-    for body in &bodies {
-        out.write_all(body).map_err(Error::Output)?;
+    for &kind in &kinds {
+        out.write_all(body_of(kind)).map_err(Error::Output)?;
     }
 
-    let [
-        metadata_bytes,
-        directory_bytes,
-        charts_bytes,
-        _,
-        index_bytes,
-        _,
-    ] = bodies.map(|body| body.len() as u64);
     let [geometry, normals, colour] = directory.part_bytes;
+    let [more_geometry, more_normals, more_colour] =
+        clusters.as_ref().map_or([0; 3], |layer| layer.part_bytes);
+    let root_bytes = clusters.as_ref().map_or(0, ClusterLayer::root_bytes);
+    let index = directory_bytes.len() + front.charts.len() + index_bytes.len() + tree.len();
     Ok(BytesByPart {
         total: end,
-        header: Header::encoded_length(ATLAS_SECTIONS.len() as u32) + metadata_bytes,
-        index: directory_bytes + charts_bytes + index_bytes,
-        geometry: geometry + front.base_parts.geometry,
-        normals: normals + front.base_parts.normals,
-        colour: colour + front.base_parts.colours,
+        header: Header::encoded_length(kinds.len() as u32) + metadata_bytes.len() as u64,
+        index: index as u64 - root_bytes,
+        geometry: geometry + front.base_parts.geometry + more_geometry,
+        normals: normals + front.base_parts.normals + more_normals,
+        colour: colour + front.base_parts.colours + more_colour,
     })
 }
+
+/// Order of the sections of a file with clusters: their tree in the front, their pages after the atlas's.
+const SECTIONS_WITH_CLUSTERS: [SectionKind; 8] = [
+    SectionKind::Metadata,
+    SectionKind::Directory,
+    SectionKind::Charts,
+    CLUSTER_SECTIONS[0],
+    SectionKind::Base,
+    SectionKind::IndexBlocks,
+    SectionKind::Pages,
+    CLUSTER_SECTIONS[1],
+];
 
 /// What the front holds besides metadata and directory.
 struct Front {
@@ -269,7 +348,13 @@ fn encode_pages(
     map_ordered(&indices, encode).into_iter().collect()
 }
 
-fn content_id(metadata: &[u8], front: &Front, facts: &[Vec<u8>], pages: &[Encoded]) -> [u8; 16] {
+fn content_id(
+    metadata: &[u8],
+    front: &Front,
+    facts: &[Vec<u8>],
+    pages: &[Encoded],
+    clusters: Option<&ClusterLayer>,
+) -> [u8; 16] {
     let mut hasher = blake3::Hasher::new();
     for part in [metadata, &front.charts, &front.base] {
         hasher.update(part);
@@ -279,6 +364,11 @@ fn content_id(metadata: &[u8], front: &Front, facts: &[Vec<u8>], pages: &[Encode
     }
     for page in pages {
         hasher.update(&page.bytes);
+    }
+    if let Some(layer) = clusters {
+        for part in layer.tree.iter().map(Vec::as_slice).chain(layer.pages()) {
+            hasher.update(part);
+        }
     }
     let mut id = [0; 16];
     hasher.finalize_xof().fill(&mut id);

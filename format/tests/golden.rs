@@ -19,7 +19,9 @@ use marquetry_format::*;
 use std::path::PathBuf;
 use support::*;
 
-const NAMES: [&str; 4] = [
+const NAMES: [&str; 6] = [
+    "clusters_without_charts",
+    "coloured_strip_with_clusters",
     "coloured_strip",
     "cube_of_mixed_resolutions",
     "moebius",
@@ -36,6 +38,15 @@ fn model(name: &str) -> Vec<u8> {
         has_colours: true,
     };
     match name {
+        "clusters_without_charts" => {
+            let model = Model {
+                glue: Vec::new(),
+                has_colours: false,
+                ..plain
+            };
+            return model.write_with(&clusters(10, false)).unwrap();
+        }
+        "coloured_strip_with_clusters" => return plain.write_with(&clusters(10, true)).unwrap(),
         "coloured_strip" => plain,
         "cube_of_mixed_resolutions" => Model {
             glue: cube_glue(),
@@ -88,8 +99,20 @@ fn digest(bytes: &[u8]) -> String {
             hasher.update(colours.as_flattened());
         }
     }
+    // Files without clusters have the digests of before there were any.
+    let clusters = document.clusters.as_ref().map_or_else(String::new, |tree| {
+        format!("clusters {}\n", tree.nodes.len())
+    });
+    for mesh in decode_clusters(&document, &SliceSource(bytes)) {
+        for coordinate in mesh.positions.iter().flatten() {
+            hasher.update(&coordinate.to_le_bytes());
+        }
+        hasher.update(mesh.normals.as_flattened());
+        hasher.update(mesh.colours.as_flattened());
+        hasher.update(mesh.triangles.as_flattened());
+    }
     format!(
-        "content id {}\ncharts {}\nbase resolution {}\npages {}\ndigest {}\n",
+        "content id {}\ncharts {}\nbase resolution {}\npages {}\n{clusters}digest {}\n",
         document.content_id_hex(),
         document.charts.len(),
         document.base_resolution,

@@ -12,13 +12,15 @@
     reason = "test data are small, borders are exact, and a failed unwrap fails the test"
 )]
 
+#[path = "malformed/clusters.rs"]
+mod clusters;
 mod support;
 
 use marquetry_format::verify::verify;
 use marquetry_format::*;
 use std::path::PathBuf;
 use support::assemble::{Part, Parts};
-use support::*;
+use support::{Model, decode_all, glued, never, open, strip, strip_glue};
 
 /// A name, the bytes, and whether an error is the expected one.
 type Case = (&'static str, Vec<u8>, fn(&Error) -> bool);
@@ -709,7 +711,7 @@ fn open_fully(bytes: &[u8]) -> Result<Document, Error> {
 
 #[test]
 fn every_malformed_file_is_refused_for_its_fault() {
-    let cases: Vec<Case> = [framing(), front(), index()]
+    let cases: Vec<Case> = [framing(), front(), index(), clusters::cases()]
         .into_iter()
         .flatten()
         .collect();
@@ -735,7 +737,7 @@ fn every_malformed_file_is_refused_for_its_fault() {
 
 #[test]
 fn every_malformed_file_has_a_case() {
-    let known: Vec<&str> = [framing(), front(), index()]
+    let known: Vec<&str> = [framing(), front(), index(), clusters::cases()]
         .concat()
         .iter()
         .map(|case| case.0)
@@ -780,8 +782,21 @@ fn flipped_bits_in_pages_are_noticed() {
 }
 
 #[test]
+fn flipped_bits_in_clusters_are_noticed() {
+    let mut file = clusters::file();
+    assert!(verify(&SliceSource(&file)).unwrap().ok);
+    for bit in 0..8 * file.len() {
+        file[bit / 8] ^= 1 << (bit % 8);
+        if let Ok(report) = verify(&SliceSource(&file)) {
+            assert!(!report.ok, "bit {bit} went unnoticed");
+        }
+        file[bit / 8] ^= 1 << (bit % 8);
+    }
+}
+
+#[test]
 fn every_cut_is_noticed() {
-    for file in [tiny(), square(0.1)] {
+    for file in [tiny(), square(0.1), clusters::file()] {
         let step = 1 + file.len() / 2000;
         for length in (0..file.len()).step_by(step) {
             let cut = verify(&SliceSource(&file[..length]));

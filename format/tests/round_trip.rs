@@ -319,10 +319,7 @@ fn refused(damage: impl FnOnce(&mut Vec<ChartInput>)) -> &'static str {
 
 #[test]
 fn writer_refuses_broken_input() {
-    assert_eq!(
-        refused(Vec::clear),
-        "a file has at least one chart and not too many"
-    );
+    assert_eq!(refused(Vec::clear), "a file has a chart or a cluster");
     assert_eq!(
         refused(|c| c[1].glue[0] = glued(9, 0, true)),
         "glue names a side of a chart of the file"
@@ -429,4 +426,100 @@ proptest! {
             has_colours,
         });
     }
+}
+
+#[test]
+fn clusters_survive_with_and_without_charts() {
+    for (charts, has_colours, shift) in [(2, true, 3), (0, true, 10), (0, false, 0), (2, false, 9)]
+    {
+        let model = Model {
+            glue: strip_glue().into_iter().take(charts).collect(),
+            surface: &strip,
+            resolution: &|_| 5,
+            split: &|node| node.level == 0,
+            shift,
+            has_colours,
+        };
+        let root = clusters(shift, has_colours);
+        let file = model.write_with(&root).unwrap();
+        let source = SliceSource(&file);
+        let report = verify(&source).unwrap();
+        assert!(report.ok, "{report:#?}");
+        let document = open(&file);
+        assert_eq!(document.charts.len(), charts);
+        let tree = document.clusters.as_ref().unwrap();
+        assert_eq!(tree.leaf_triangles(), 4 * 5 * 4);
+        let meshes = decode_clusters(&document, &source);
+        assert_eq!(tree.root, meshes[0]);
+        let nodes = in_levels(&root);
+        assert_eq!(meshes.len(), nodes.len());
+        for ((given, read), (id, node)) in nodes.iter().zip(&meshes).zip((0..).zip(&tree.nodes)) {
+            let corners = |mesh: &ClusterMesh| -> Vec<_> {
+                let corner = |&v: &u8| {
+                    let v = usize::from(v);
+                    let colour = mesh.colours.get(v).copied();
+                    (mesh.positions[v], mesh.normals[v], colour)
+                };
+                mesh.triangles.as_flattened().iter().map(corner).collect()
+            };
+            assert_eq!(corners(&given.mesh), corners(read));
+            assert!(node.error >= given.error && node.error <= given.error * 1.001);
+            assert_eq!(node.children.len(), given.children.len());
+            for child in node.children.clone() {
+                assert_eq!(tree.nodes[child as usize].parent, Some(ClusterId(id)));
+            }
+            // A cluster's page is fetched as any other; the root's mesh is in the front.
+            let page = document.page_of_cluster(ClusterId(id));
+            assert_eq!(page.is_none(), id == 0);
+            if let Some(page) = page {
+                assert_eq!(document.cluster_of_page(page), Some(ClusterId(id)));
+                assert_eq!(document.page_range(page), Some(node.range.clone()));
+                let bytes = source.read(node.range.clone()).unwrap();
+                document.check_page(page, &bytes).unwrap();
+            } else {
+                assert!(node.range.end <= document.front_bytes());
+            }
+        }
+        let (first, last) = (document.page_count(), document.stored_page_count() - 1);
+        let all = document
+            .page_range_bytes(PageId(first), PageId(last))
+            .unwrap();
+        assert_eq!(all.end, file.len() as u64);
+        if let Some(before) = first.checked_sub(1) {
+            // Side by side with the last page of the atlas.
+            let both = document
+                .page_range_bytes(PageId(before), PageId(first))
+                .unwrap();
+            assert_eq!(both.end, tree.nodes[1].range.end);
+        }
+        assert!(document.page_range(PageId(last + 1)).is_none());
+    }
+}
+
+#[test]
+fn clusters_that_break_a_rule_are_not_written() {
+    let model = Model {
+        glue: Vec::new(),
+        surface: &strip,
+        resolution: &|_| 2,
+        split: &never,
+        shift: 4,
+        has_colours: false,
+    };
+    let refused = |change: &dyn Fn(&mut writer::ClusterInput)| {
+        let mut root = clusters(4, false);
+        change(&mut root);
+        matches!(model.write_with(&root), Err(Error::Input { .. }))
+    };
+    assert!(!refused(&|_| ()));
+    assert!(refused(&|root| root.error = 1.0));
+    assert!(refused(&|root| root.error = f32::NAN));
+    assert!(refused(&|root| root.children.truncate(1)));
+    assert!(refused(&|root| root.mesh.positions[3][1] += 1));
+    assert!(refused(&|root| root.mesh.triangles[0] = [1, 1, 2]));
+    assert!(refused(&|root| root.mesh.triangles[0] = [1, 2, 200]));
+    assert!(refused(&|root| root.mesh.triangles.clear()));
+    assert!(refused(&|root| root.mesh.triangles = vec![[0, 1, 2]; 257]));
+    assert!(refused(&|root| root.mesh.normals.truncate(3)));
+    assert!(matches!(model.write(), Err(Error::Input { .. })));
 }

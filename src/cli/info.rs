@@ -25,7 +25,10 @@ struct Report {
     charts: usize,
     /// Resolutions, the coarsest included.
     levels: usize,
+    /// Of charts and clusters.
     pages: u32,
+    /// `null` in a file without clusters.
+    clusters: Option<Clusters>,
     colours: bool,
     bytes: BytesByPart,
     first_read_bytes: u64,
@@ -34,6 +37,28 @@ struct Report {
     level: Vec<Level>,
     error: ErrorReport,
     source: Provenance,
+}
+
+#[derive(Debug, Serialize)]
+struct Clusters {
+    nodes: u32,
+    leaves: usize,
+    levels: u32,
+    /// Of all leaves.
+    triangles: u64,
+}
+
+impl Clusters {
+    fn of(tree: &marquetry_format::Clusters) -> Self {
+        let leaves = tree.nodes.iter().filter(|node| node.children.is_empty());
+        let deepest = tree.nodes.iter().map(|node| node.level).max().unwrap_or(0);
+        Self {
+            nodes: tree.count(),
+            leaves: leaves.count(),
+            levels: u32::from(deepest) + 1,
+            triangles: tree.leaf_triangles(),
+        }
+    }
 }
 
 #[derive(Debug, Serialize)]
@@ -85,7 +110,8 @@ pub(super) fn run(arguments: &Arguments, output: &Output) -> anyhow::Result<Verd
         },
         charts: document.charts.len(),
         levels: level.len(),
-        pages: document.page_count(),
+        pages: document.stored_page_count(),
+        clusters: document.clusters.as_ref().map(Clusters::of),
         colours: metadata.has_colours,
         bytes: document.bytes_by_part(),
         first_read_bytes: document.first_read_bytes(),
@@ -126,8 +152,7 @@ fn describe(file: &str, report: &Report) -> String {
          contents   {} charts, {} levels, {} pages\n\
          bytes      {}: header {}, index {}, geometry {}, normals {}, colour {}\n\
          opening    {} in the first read, {} for the first image\n\
-         error      {:.2e} rms, at most {:.2e} of the diagonal (target {:.2e})\n\
-         level   triangles        bytes      error",
+         error      {:.2e} rms, at most {:.2e} of the diagonal (target {:.2e})\n",
         report.content_id,
         source.name,
         source.triangles,
@@ -149,6 +174,15 @@ fn describe(file: &str, report: &Report) -> String {
         error.max_rel,
         error.target_rel,
     );
+    if let Some(clusters) = &report.clusters {
+        // Writing to a string does not fail.
+        let _ = write!(
+            text,
+            "clusters   {} in {} levels, {} triangles in {} leaves\n",
+            clusters.nodes, clusters.levels, clusters.triangles, clusters.leaves
+        );
+    }
+    text.push_str("level   triangles        bytes      error");
     for (number, level) in report.level.iter().enumerate() {
         // Writing to a string does not fail.
         let _ = write!(

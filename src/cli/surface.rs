@@ -3,8 +3,9 @@
 use super::open::Opened;
 use anyhow::{Context, bail};
 use glam::{DVec3, Vec3};
+use marquetry_engine::lod::cluster;
 use marquetry_engine::lod::mesh::extract_mesh;
-use marquetry_engine::lod::uniform::{Fineness, cut_bytes, uniform_cut};
+use marquetry_engine::lod::uniform::{Fineness, cut_bytes, cut_triangles, uniform_cut};
 use marquetry_engine::lod::{Cut, Leaf};
 use marquetry_format::header::{Section, SectionKind};
 use marquetry_format::quadtree::PAGE_RESOLUTION;
@@ -79,9 +80,9 @@ pub(super) fn extract(file: &str, opened: &Opened, wanted: Wanted) -> anyhow::Re
     let bytes = bytes_before_pages(document) + cut_bytes(document, &cut);
     let error_rel = scale.rel_from_lattice(error_of(document, &cut));
     match wanted {
-        Wanted::Triangles(most) if cut.triangles() > most => bail!(
+        Wanted::Triangles(most) if cut_triangles(document, &cut) > most => bail!(
             "{file}: the coarsest cut has {} triangles, more than the {most} asked for",
-            cut.triangles()
+            cut_triangles(document, &cut)
         ),
         Wanted::Bytes(most) if bytes > most => {
             bail!("{file}: the coarsest cut takes {bytes} bytes, more than the {most} asked for")
@@ -106,7 +107,8 @@ pub(super) fn extract(file: &str, opened: &Opened, wanted: Wanted) -> anyhow::Re
     })
 }
 
-/// One level of a file: every chart at one resolution, or at its finest where that is less.
+/// One level of a file: every chart at one resolution, or at its finest where that is less; clusters as coarse as the
+/// charts' error allows.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub(super) struct Level {
     /// Triangles drawn, the flat ones beside coarser neighbours included.
@@ -121,8 +123,8 @@ pub(super) struct Level {
 pub(super) fn levels(document: &Document) -> Vec<Level> {
     let scale = Scale::of(document);
     let before_pages = bytes_before_pages(document);
-    let (cuts, errors): (Vec<_>, Vec<_>) = (0..)
-        .map_while(|resolution| cut_at_resolution(document, resolution))
+    let (cuts, errors): (Vec<_>, Vec<_>) = level_cuts(document)
+        .into_iter()
         .map(|cut| {
             let error = error_of(document, &cut);
             (cut, error)
@@ -131,11 +133,28 @@ pub(super) fn levels(document: &Document) -> Vec<Level> {
     cuts.iter()
         .zip(errors)
         .map(|(cut, error)| Level {
-            triangles: cut.triangles(),
+            triangles: cut_triangles(document, cut),
             bytes: before_pages + cut_bytes(document, cut),
             error_rel: scale.rel_from_lattice(error),
         })
         .collect()
+}
+
+/// The cuts of all levels. At the last, clusters are at their finest; at the others where their error is about the charts'.
+fn level_cuts(document: &Document) -> Vec<Cut> {
+    let mut cuts: Vec<Cut> = (0..)
+        .map_while(|resolution| cut_at_resolution(document, resolution))
+        .collect();
+    let last = cuts.len().saturating_sub(1);
+    for (level, cut) in cuts.iter_mut().enumerate() {
+        let most = if level == last {
+            -1.0
+        } else {
+            chart_error(document, cut)
+        };
+        cluster::refine(document, cut, |_, node| f64::from(node.error) > most);
+    }
+    cuts
 }
 
 /// Every chart at `resolution` or its finest; `None` where no chart has that resolution.
@@ -163,8 +182,13 @@ fn cut_at_resolution(document: &Document, resolution: u8) -> Option<Cut> {
     reached.then_some(cut)
 }
 
-/// Largest geometric error of the leaves of `cut`, lattice units.
+/// Largest geometric error of what `cut` draws, lattice units.
 fn error_of(document: &Document, cut: &Cut) -> f64 {
+    chart_error(document, cut).max(cluster::error(document, cut))
+}
+
+/// Largest geometric error of the leaves of `cut`, lattice units.
+fn chart_error(document: &Document, cut: &Cut) -> f64 {
     let error = |leaf: Leaf| {
         let entry = document.page(document.page_of_node(leaf.node)?)?;
         let place = if leaf.node.level == 0 {
@@ -181,13 +205,13 @@ fn error_of(document: &Document, cut: &Cut) -> f64 {
         .fold(0.0, f64::max)
 }
 
-/// Everything that lies before the first page.
+/// Everything but the pages of charts and clusters.
 fn bytes_before_pages(document: &Document) -> u64 {
-    let pages = document
-        .header()
-        .section(SectionKind::Pages)
-        .map_or(0, Section::length);
-    document.file_length().saturating_sub(pages)
+    [SectionKind::Pages, SectionKind::ClusterPages]
+        .into_iter()
+        .filter_map(|kind| document.header().section(kind).ok())
+        .map(Section::length)
+        .fold(document.file_length(), u64::saturating_sub)
 }
 
 /// Between lattice units and parts of the diagonal.

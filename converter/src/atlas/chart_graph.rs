@@ -46,7 +46,7 @@ pub fn sort_along_curve(patches: &mut Vec<Patch>, min: DVec3, size: f64) {
 const CURVE_BITS: u32 = 10;
 
 /// Place along a Hilbert curve through the unit cube (Skilling, "Programming the Hilbert curve", 2004).
-fn hilbert_key(p: DVec3) -> u64 {
+pub(crate) fn hilbert_key(p: DVec3) -> u64 {
     let cells = f64::from(1u32 << CURVE_BITS);
     #[expect(
         clippy::cast_possible_truncation,

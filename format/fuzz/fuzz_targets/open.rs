@@ -8,12 +8,13 @@ mod assemble;
 
 use assemble::{Part, Parts};
 use libfuzzer_sys::fuzz_target;
-use marquetry_format::{ByteSource, ChartId, Document, Limits, PageId, PageSamples, SliceSource};
+use marquetry_format::{ByteSource, ChartId, ClusterId, Document, Limits, PageId, PageSamples, SliceSource};
 
 /// Small, so that what is found is a fault and not a large allocation.
 const LIMITS: Limits = Limits {
     charts: 1 << 10,
     pages: 1 << 12,
+    clusters: 1 << 10,
     metadata_bytes: 1 << 12,
     section_bytes: 1 << 20,
     page_bytes: 1 << 14,
@@ -24,12 +25,15 @@ fuzz_target!(|data: &[u8]| {
     read(&from_sections(data));
 });
 
+/// All sections that are understood, in the order of the writer.
+const KINDS: [u32; 8] = [1, 2, 3, 17, 4, 5, 6, 22];
+
 /// Each section's body comes after its length, two bytes; the last takes the rest.
 fn from_sections(mut data: &[u8]) -> Vec<u8> {
     let mut sections = Vec::new();
-    for kind in 1..=6 {
+    for kind in KINDS {
         let mut body = data;
-        if let (true, Some((length, rest))) = (kind < 6, data.split_first_chunk::<2>()) {
+        if let (true, Some((length, rest))) = (kind != 22, data.split_first_chunk::<2>()) {
             let length = usize::from(u16::from_le_bytes(*length)).min(rest.len());
             (body, data) = rest.split_at(length);
         }
@@ -55,6 +59,13 @@ fn read(bytes: &[u8]) {
     };
     if document.load_index(&source).is_err() {
         return;
+    }
+    let clusters = document.clusters.as_ref().map_or(0, |clusters| clusters.count());
+    for id in (0..clusters.min(64)).map(ClusterId) {
+        let node = document.clusters.as_ref().and_then(|clusters| clusters.node(id));
+        if let Some(Ok(bytes)) = node.map(|node| source.read(node.range.clone())) {
+            let _ = document.decode_cluster(id, &bytes);
+        }
     }
     let mut pages: Vec<Option<PageSamples>> = Vec::new();
     for page in (0..document.page_count().min(64)).map(PageId) {

@@ -1,6 +1,9 @@
 //! An open file.
 
 use super::opening::{FIRST_READ_BYTES, Opening, Step};
+use crate::cluster::{
+    ClusterId, ClusterMesh, ClusterNode, Clusters, directory as cluster_directory,
+};
 use crate::codec::page::{self, Coding};
 use crate::codec::payload::PartBytes;
 use crate::header::{Header, SectionKind, check, checksum};
@@ -27,6 +30,8 @@ pub struct Document {
     pub base_resolution: u8,
     /// The base: per chart its samples at `min(chart.resolution, base_resolution)`.
     pub base: Vec<PageSamples>,
+    /// The cluster tree, if the file has one.
+    pub clusters: Option<Clusters>,
     header: Header,
     limits: Limits,
     directory: Directory,
@@ -51,6 +56,7 @@ impl Document {
         resolutions: Vec<u8>,
         base_resolution: u8,
         base: Vec<PageSamples>,
+        clusters: Option<Clusters>,
     ) -> Self {
         let blocks = directory.blocks.iter().map(|_| None).collect();
         Self {
@@ -59,6 +65,7 @@ impl Document {
             charts,
             base_resolution,
             base,
+            clusters,
             header,
             limits,
             directory,
@@ -134,13 +141,28 @@ impl Document {
                 .section(kind)
                 .map_or(0, crate::header::Section::length)
         };
+        let root_cluster = self
+            .clusters
+            .as_ref()
+            .and_then(|clusters| clusters.nodes.first())
+            .map_or(0, |root| root.range.end.saturating_sub(root.range.start));
         let index = length(SectionKind::Directory)
             .saturating_add(length(SectionKind::Charts))
-            .saturating_add(length(SectionKind::IndexBlocks));
+            .saturating_add(length(SectionKind::IndexBlocks))
+            .saturating_add(length(SectionKind::Clusters).saturating_sub(root_cluster));
         let [geometry, normals, colour] = self.directory.part_bytes;
-        let geometry = geometry.saturating_add(self.base_parts.geometry);
-        let normals = normals.saturating_add(self.base_parts.normals);
-        let colour = colour.saturating_add(self.base_parts.colours);
+        let [more_geometry, more_normals, more_colour] = self
+            .clusters
+            .as_ref()
+            .map_or([0; 3], |clusters| clusters.part_bytes);
+        let sum = |parts: [u64; 3]| {
+            parts
+                .iter()
+                .fold(0u64, |sum, &part| sum.saturating_add(part))
+        };
+        let geometry = sum([geometry, self.base_parts.geometry, more_geometry]);
+        let normals = sum([normals, self.base_parts.normals, more_normals]);
+        let colour = sum([colour, self.base_parts.colours, more_colour]);
         let total = self.header.file_length;
         let header = [index, geometry, normals, colour]
             .iter()
@@ -155,9 +177,32 @@ impl Document {
         }
     }
 
-    /// Pages of the file.
+    /// Pages of the atlas; those of the clusters are numbered after them.
     pub fn page_count(&self) -> u32 {
         self.directory.page_count
+    }
+
+    /// Everything that can be fetched as a page: the atlas, then the clusters below the root, in order.
+    pub fn stored_page_count(&self) -> u32 {
+        let clusters = self.clusters.as_ref().map_or(1, Clusters::count);
+        self.page_count().saturating_add(clusters.saturating_sub(1))
+    }
+
+    /// The page that holds the mesh of a cluster; `None` for the root, whose mesh is in the front, and beyond the last.
+    pub fn page_of_cluster(&self, id: ClusterId) -> Option<PageId> {
+        let page = self.page_count().checked_add(id.0.checked_sub(1)?)?;
+        (page < self.stored_page_count()).then_some(PageId(page))
+    }
+
+    /// The cluster whose mesh `page` holds; `None` for a page of the atlas and beyond the last page.
+    pub fn cluster_of_page(&self, page: PageId) -> Option<ClusterId> {
+        let below_root = page.0.checked_sub(self.page_count())?;
+        (page.0 < self.stored_page_count()).then(|| ClusterId(below_root.saturating_add(1)))
+    }
+
+    /// The node of the cluster tree whose mesh `page` holds.
+    pub fn cluster_node_of_page(&self, page: PageId) -> Option<&ClusterNode> {
+        self.clusters.as_ref()?.node(self.cluster_of_page(page)?)
     }
 
     /// Charts of the file; also its root pages.
@@ -341,14 +386,26 @@ impl Document {
         Some(quadrants.into_iter().rev().fold(node, NodeId::child))
     }
 
-    /// Where `page` lies in the file; `None` while its index block is not loaded.
+    /// Where `page` lies in the file, a page of the atlas or of a cluster; `None` while its index block is not loaded.
     pub fn page_range(&self, page: PageId) -> Option<Range<u64>> {
+        if let Some(node) = self.cluster_node_of_page(page) {
+            return Some(node.range.clone());
+        }
         let entry = self.page(page)?;
         Some(entry.offset..entry.offset.checked_add(u64::from(entry.length))?)
     }
 
     /// Where pages `first..=last` lie: one run of bytes, since pages are stored in order without gaps.
+    ///
+    /// `None` also where something lies between the pages of the atlas and those of the clusters, and both are asked for.
     pub fn page_range_bytes(&self, first: PageId, last: PageId) -> Option<Range<u64>> {
+        if first.0 < self.page_count() && last.0 >= self.page_count() {
+            let atlas = self.header.section(SectionKind::Pages).ok()?;
+            let clusters = self.header.section(SectionKind::ClusterPages).ok()?;
+            if atlas.range.end != clusters.range.start {
+                return None;
+            }
+        }
         let (first, last) = (self.page_range(first)?, self.page_range(last)?);
         (first.start <= last.start).then_some(first.start..last.end)
     }
@@ -388,6 +445,9 @@ impl Document {
     /// # Errors
     /// When their length or checksum is another, or the page's index block is not loaded.
     pub fn check_page(&self, page: PageId, bytes: &[u8]) -> Result<(), Error> {
+        if let Some(node) = self.cluster_node_of_page(page) {
+            return cluster_directory::check_node(node, &self.content_id, bytes);
+        }
         if page.0 >= self.page_count() {
             return Err(Error::NoSuch {
                 what: "page",
@@ -460,6 +520,22 @@ impl Document {
             page: page.0,
             resolution: parent.resolution,
         }))
+    }
+
+    /// Checks and decodes the mesh of a cluster from the bytes of its page (or, for the root, of its range).
+    ///
+    /// # Errors
+    /// When there is no such cluster, or the bytes do not match their checksum or do not decode to the exact size.
+    pub fn decode_cluster(&self, id: ClusterId, bytes: &[u8]) -> Result<ClusterMesh, Error> {
+        let node = self
+            .clusters
+            .as_ref()
+            .and_then(|clusters| clusters.node(id));
+        let node = node.ok_or(Error::NoSuch {
+            what: "cluster",
+            number: id.0,
+        })?;
+        cluster_directory::decode_node(self.coding(), node, &self.content_id, bytes)
     }
 }
 

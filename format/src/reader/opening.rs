@@ -2,6 +2,7 @@
 
 use super::document::Document;
 use crate::chart::decode_charts;
+use crate::cluster::{Clusters, directory as cluster_directory};
 use crate::codec::page::{Coding, base_count, decode_base};
 use crate::header::{Header, Section, SectionKind, check};
 use crate::index::directory::Directory;
@@ -160,7 +161,7 @@ fn document_of(header: Header, front: &[u8], limits: Limits) -> Result<Document,
         .iter()
         .filter(|section| section.range.end <= header.front_length)
     {
-        if section.kind > atlas {
+        if section.kind > atlas && section.kind != SectionKind::Clusters as u32 {
             section_bytes("an additional section", &header, section, front)?;
         }
     }
@@ -188,6 +189,13 @@ fn document_of(header: Header, front: &[u8], limits: Limits) -> Result<Document,
         shift: metadata.lattice.shift,
         has_colours: metadata.has_colours,
     };
+    let clusters = clusters_of(&header, front, coding, &limits)?;
+    if charts.is_empty() && clusters.is_none() {
+        return Err(Error::Value {
+            what: "number of charts",
+            found: 0,
+        });
+    }
     let base_bytes = bytes("base", SectionKind::Base)?;
     let base = decode_base(coding, &resolutions, base_resolution, base_bytes)?;
     let base_parts = crate::codec::payload::parts("base", coding.has_colours, base_bytes)?;
@@ -201,5 +209,22 @@ fn document_of(header: Header, front: &[u8], limits: Limits) -> Result<Document,
         resolutions,
         base_resolution,
         base,
+        clusters,
     ))
+}
+
+/// The cluster tree, if the file has one.
+fn clusters_of(
+    header: &Header,
+    front: &[u8],
+    coding: Coding,
+    limits: &Limits,
+) -> Result<Option<Clusters>, Error> {
+    let Ok(own) = header.section(SectionKind::Clusters) else {
+        return Ok(None);
+    };
+    let pages = header.section(SectionKind::ClusterPages)?;
+    let bytes = section_bytes("clusters", header, own, front)?;
+    let id = &header.content_id;
+    cluster_directory::decode(coding, bytes, own, pages, id, limits).map(Some)
 }

@@ -1,6 +1,7 @@
 //! Checks of the stored bytes, whatever they mean.
 
 use super::in_words;
+use crate::cluster::directory::content_of;
 use crate::header::{SectionKind, seed};
 use crate::index::block::facts_of;
 use crate::reader::FIRST_IMAGE_BYTES;
@@ -108,6 +109,15 @@ fn compute_content_id(document: &Document, source: &dyn ByteSource) -> Result<[u
     for_each_chunk(source, range(SectionKind::Pages)?, |chunk| {
         hasher.update(chunk);
     })?;
+    if document.clusters.is_some() {
+        let tree = source.read(range(SectionKind::Clusters)?)?;
+        for part in content_of(&tree) {
+            hasher.update(part);
+        }
+        for_each_chunk(source, range(SectionKind::ClusterPages)?, |chunk| {
+            hasher.update(chunk);
+        })?;
+    }
     let mut id = [0; 16];
     hasher.finalize_xof().fill(&mut id);
     Ok(id)

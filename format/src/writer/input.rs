@@ -38,9 +38,9 @@ impl<'a> Pages<'a> {
     /// Puts the nodes of `charts` in page order and checks them.
     pub(super) fn new(charts: &'a [ChartInput], coding: Coding) -> Result<Self, Error> {
         let limits = Limits::default();
-        if charts.is_empty() || charts.len() > limits.charts as usize {
+        if charts.len() > limits.charts as usize {
             return refuse(
-                "a file has at least one chart and not too many",
+                "a file does not have too many charts",
                 format!("{} charts", charts.len()),
             );
         }

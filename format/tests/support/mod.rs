@@ -9,7 +9,7 @@
 
 pub mod assemble;
 
-use marquetry_format::writer::{ChartInput, NodeInput, write_atlas};
+use marquetry_format::writer::{ChartInput, ClusterInput, Content, NodeInput, write, write_atlas};
 use marquetry_format::*;
 
 /// Position in the unit cube, normal, colour.
@@ -117,6 +117,19 @@ impl Model<'_> {
         }
     }
 
+    pub fn write_with(&self, clusters: &ClusterInput) -> Result<Vec<u8>, Error> {
+        let mut out = Vec::new();
+        let charts = self.charts();
+        let content = Content {
+            charts: &charts,
+            clusters: Some(clusters),
+        };
+        let parts = write(&self.metadata(), &self.lattice(), &content, &mut out)?;
+        assert_eq!(parts.total, out.len() as u64);
+        assert_eq!(parts, open(&out).bytes_by_part());
+        Ok(out)
+    }
+
     pub fn write(&self) -> Result<Vec<u8>, Error> {
         let mut out = Vec::new();
         let parts = write_atlas(&self.metadata(), &self.lattice(), &self.charts(), &mut out)?;
@@ -127,6 +140,55 @@ impl Model<'_> {
         );
         Ok(out)
     }
+}
+
+/// Tetrahedra along a line: 4 leaves of 5 below 2 nodes below a root, coarser ones with fewer.
+pub fn clusters(shift: u8, has_colours: bool) -> ClusterInput {
+    let mesh = |tetrahedra: &[u32]| {
+        let mut mesh = ClusterMesh::default();
+        for &n in tetrahedra {
+            let first = mesh.positions.len() as u8;
+            for [x, y, z] in [[0, 0, 0], [3, 0, 0], [0, 3, 0], [0, 0, 3]] {
+                let point = [9 * n + x, 2 * n + y, 500 - n + z];
+                mesh.positions.push(point.map(|c| (c + 7) << shift));
+                mesh.normals
+                    .push(octahedral::encode([1.0, y as f32, z as f32]));
+                if has_colours {
+                    mesh.colours.push([(n * 9) as u8, 100, y as u8]);
+                }
+            }
+            for [a, b, c] in [[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]] {
+                mesh.triangles.push([first + a, first + b, first + c]);
+            }
+        }
+        mesh
+    };
+    let leaf = |n: u32| ClusterInput {
+        mesh: mesh(&[0, 1, 2, 3, 4].map(|k| 5 * n + k)),
+        error: 0.5,
+        children: Vec::new(),
+    };
+    let inner = |n: u32| ClusterInput {
+        mesh: mesh(&[0, 2, 5, 8].map(|k| 10 * n + k)),
+        error: 30_000.0,
+        children: vec![leaf(2 * n), leaf(2 * n + 1)],
+    };
+    ClusterInput {
+        mesh: mesh(&[0, 6, 13, 19]),
+        error: 90_000.0,
+        children: vec![inner(0), inner(1)],
+    }
+}
+
+/// The nodes of a cluster tree, level by level.
+pub fn in_levels(root: &ClusterInput) -> Vec<&ClusterInput> {
+    let mut nodes = vec![root];
+    let mut next = 0;
+    while let Some(node) = nodes.get(next) {
+        nodes.extend(&node.children);
+        next += 1;
+    }
+    nodes
 }
 
 pub fn glued(chart: u32, side: u8, reversed: bool) -> Option<Glue> {
@@ -276,6 +338,19 @@ pub fn decode_all(document: &Document, source: &dyn ByteSource) -> Vec<PageSampl
         });
     }
     pages
+}
+
+/// The mesh of every cluster, by number.
+pub fn decode_clusters(document: &Document, source: &dyn ByteSource) -> Vec<ClusterMesh> {
+    let nodes = document.clusters.iter().flat_map(|tree| &tree.nodes);
+    (0..)
+        .map(ClusterId)
+        .zip(nodes)
+        .map(|(id, node)| {
+            let bytes = source.read(node.range.clone()).unwrap();
+            document.decode_cluster(id, &bytes).unwrap()
+        })
+        .collect()
 }
 
 pub fn open(bytes: &[u8]) -> Document {

@@ -154,7 +154,7 @@ impl OpenFile {
         limit_bytes: u64,
     ) -> Result<Vec<u8>, PagesError> {
         let (first, last) = (PageId(*pages.start()), PageId(*pages.end()));
-        let count = self.read_document(Document::page_count);
+        let count = self.read_document(Document::stored_page_count);
         if last.0 >= count {
             return Err(PagesError::Beyond {
                 page: last.0,
@@ -176,8 +176,11 @@ impl OpenFile {
 
     /// Loads the index blocks of pages `first` to `last`, which exist.
     fn load_index_of(&self, first: PageId, last: PageId) -> Result<(), Error> {
+        // Clusters have no index blocks: the front says where they are.
         let blocks = self.read_document(|document| {
-            document.index_block_of(first)..=document.index_block_of(last)
+            let end = document.index_block_count();
+            let last = document.index_block_of(last).saturating_add(1);
+            document.index_block_of(first).min(end)..last.min(end)
         });
         for block in blocks {
             if self.read_document(|document| document.has_index_block(block)) {

@@ -6,6 +6,7 @@ use crate::lod::{Cut, Leaf};
 use crate::options::Shade;
 use crate::residency::upload::Slot;
 use bytemuck::{Pod, Zeroable};
+use std::ops::Range;
 
 /// Side mode that stands for [`SideMode::Snap`]; every morph is at least 0.
 pub const SNAP: f32 = -1.0;
@@ -123,7 +124,7 @@ impl DrawList {
     }
 
     /// Grid sizes that have instances, with the range of these.
-    pub fn draws(&self) -> impl Iterator<Item = (u8, std::ops::Range<u32>)> {
+    pub fn draws(&self) -> impl Iterator<Item = (u8, Range<u32>)> {
         let starts = std::iter::once(0).chain(self.ends);
         (0u8..)
             .zip(starts.zip(self.ends))
@@ -140,6 +141,41 @@ impl DrawList {
             .sum()
     }
 }
+
+/// The clusters to draw: runs of slots that lie side by side.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+pub struct ClusterList {
+    /// Slots, one draw call a run.
+    pub runs: Vec<Range<u32>>,
+    /// Clusters drawn.
+    pub nodes: u64,
+    /// Their triangles.
+    pub triangles: u64,
+}
+
+impl ClusterList {
+    /// Collects slots and how many triangles each has.
+    pub fn new(clusters: impl Iterator<Item = (u32, u16)>) -> Self {
+        let mut list = Self::default();
+        let mut slots = Vec::new();
+        for (slot, triangles) in clusters {
+            list.nodes += 1;
+            list.triangles += u64::from(triangles);
+            slots.push(slot);
+        }
+        slots.sort_unstable();
+        for slot in slots {
+            match list.runs.last_mut() {
+                Some(run) if run.end == slot => run.end += 1,
+                _ => list.runs.push(slot..slot + 1),
+            }
+        }
+        list
+    }
+}
+
+/// Vertex attributes of a cluster: one word of four, location 0. See `shaders/cluster.wgsl`.
+pub const CLUSTER_ATTRIBUTES: [wgpu::VertexAttribute; 1] = wgpu::vertex_attr_array![0 => Uint32x4];
 
 #[cfg(test)]
 mod tests {

@@ -6,6 +6,7 @@
 
 pub mod animate;
 pub mod balance;
+pub mod cluster;
 pub mod cut;
 pub mod desire;
 pub mod edge_morph;

@@ -1,12 +1,14 @@
 //! Drawing with wgpu. Everything else in this crate works without.
 
 pub mod atlas;
+pub mod cluster;
 pub mod grid;
 pub mod timer;
 
 use crate::gpu_types::Frame;
 use crate::{EngineError, Viewer, Viewport};
 use atlas::AtlasTextures;
+use cluster::{ClusterBuffers, ClusterPass};
 use grid::{DEPTH_FORMAT, GridPass, SAMPLES};
 use timer::GpuTimer;
 
@@ -19,6 +21,7 @@ pub struct Renderer {
     queue: wgpu::Queue,
     format: wgpu::TextureFormat,
     grid: GridPass,
+    cluster: ClusterPass,
     timer: Option<GpuTimer>,
     scene: Option<Scene>,
     surface: Option<Surface>,
@@ -29,6 +32,7 @@ pub struct Renderer {
 struct Scene {
     viewer: u64,
     atlas: AtlasTextures,
+    clusters: ClusterBuffers,
     instances: wgpu::Buffer,
 }
 
@@ -54,8 +58,10 @@ impl Renderer {
     /// (`surface_format.add_srgb_suffix()`, listed in the surface's `view_formats`): for others the shader encodes sRGB
     /// itself, and antialiased edges come out a little darker.
     pub fn new(device: &wgpu::Device, queue: &wgpu::Queue, format: wgpu::TextureFormat) -> Self {
+        let grid = GridPass::new(device, queue, format);
         Self {
-            grid: GridPass::new(device, queue, format),
+            cluster: ClusterPass::new(device, &grid, format),
+            grid,
             timer: GpuTimer::new(device, queue),
             device: device.clone(),
             queue: queue.clone(),
@@ -132,6 +138,12 @@ impl Renderer {
                 viewer.draw_list(),
                 viewer.options().shade,
             );
+            self.cluster.draw(
+                &mut pass,
+                &scene.clusters,
+                viewer.cluster_list(),
+                viewer.options().shade,
+            );
         }
         if let Some(timer) = &self.timer {
             timer.resolve(&mut encoder);
@@ -157,6 +169,7 @@ impl Scene {
         Ok(Self {
             viewer: viewer.id(),
             atlas: AtlasTextures::new(device, viewer.texture_layers(), has_colours)?,
+            clusters: ClusterBuffers::new(device, viewer.cluster_slots()),
             instances: instance_buffer(device, 256),
         })
     }
@@ -168,17 +181,27 @@ impl Scene {
         encoder: &mut wgpu::CommandEncoder,
         viewer: &mut Viewer,
     ) -> Result<(), EngineError> {
-        if let Some(grown) = self.atlas.grown(device, encoder, viewer.texture_layers())? {
+        let atlas = self.atlas.grown(device, encoder, viewer.texture_layers())?;
+        let clusters = self.clusters.grown(device, encoder, viewer.cluster_slots());
+        if atlas.is_some() || clusters.is_some() {
             // The copy has to come before the uploads, which the queue runs first of all it is given.
             let copy = std::mem::replace(
                 encoder,
                 device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default()),
             );
             queue.submit([copy.finish()]);
+        }
+        if let Some(grown) = atlas {
             self.atlas = grown;
+        }
+        if let Some(grown) = clusters {
+            self.clusters = grown;
         }
         for upload in viewer.take_uploads() {
             self.atlas.write(queue, &upload);
+        }
+        for upload in viewer.take_cluster_uploads() {
+            self.clusters.write(queue, &upload);
         }
         let bytes: &[u8] = bytemuck::cast_slice(&viewer.draw_list().instances);
         let needed = u64::try_from(bytes.len()).unwrap_or(u64::MAX);

@@ -7,10 +7,10 @@ use crate::lod::balance;
 use crate::lod::cut::{Cut, Leaf, QUADRANTS};
 use glam::DVec3;
 use marquetry_format::quadtree::PAGE_RESOLUTION;
-use marquetry_format::writer::{ChartInput, NodeInput, write_atlas};
+use marquetry_format::writer::{ChartInput, ClusterInput, Content, NodeInput, write, write_atlas};
 use marquetry_format::{
-    Chart, ChartId, ContentKind, Document, Error, Glue, Lattice, LatticePoint, Limits, Metadata,
-    NodeId, NormalCone, PageSamples, Side, octahedral,
+    Chart, ChartId, ClusterMesh, ContentKind, Document, Error, Glue, Lattice, LatticePoint, Limits,
+    Metadata, NodeId, NormalCone, PageSamples, Side, octahedral,
 };
 
 /// Geometric error, lattice units, that a made-up atlas claims at resolution 0; a quarter of it at each further one.
@@ -67,6 +67,78 @@ pub fn metadata() -> Metadata {
         source_name: "made-up".to_owned(),
         generator: "tests".to_owned(),
     }
+}
+
+/// A torus with a cluster tree beside it: `count` (at least 1) tetrahedra strewn over the lattice, ten a leaf.
+///
+/// # Errors
+/// When the file cannot be written or read: a fault of this crate or of the format's.
+pub fn clustered(count: u32) -> Result<(Document, Vec<u8>), Error> {
+    let mut random = Random::new(6);
+    let tetrahedra: Vec<LatticePoint> = (0..count.max(1))
+        .map(|n| {
+            let along = (n * 20_000) % (1 << 20);
+            [along, random.below(1 << 18), random.below(1 << 18)].map(|c| c / 4 * 4)
+        })
+        .collect();
+    let mesh = |places: &[LatticePoint]| {
+        let mut mesh = ClusterMesh::default();
+        for [x, y, z] in places {
+            let first = u8::try_from(mesh.positions.len()).unwrap_or(u8::MAX);
+            for [a, b, c] in [[0, 0, 0], [9000, 0, 0], [0, 9000, 0], [0, 0, 9000]] {
+                mesh.positions.push([x + a, y + b, z + c]);
+                mesh.normals.push(octahedral::encode([1.0, 0.5, 0.25]));
+                mesh.colours.push([200, 120, 40]);
+            }
+            for corners in [[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]] {
+                mesh.triangles
+                    .push(corners.map(|corner: u8| first + corner));
+            }
+        }
+        mesh
+    };
+    let mut level: Vec<(ClusterInput, Vec<LatticePoint>)> = tetrahedra
+        .chunks(10)
+        .map(|places| {
+            let input = ClusterInput {
+                mesh: mesh(places),
+                error: 2.0,
+                children: Vec::new(),
+            };
+            (input, places.to_vec())
+        })
+        .collect();
+    while level.len() > 1 {
+        let groups = level.len().div_ceil(4);
+        let count = level.len();
+        let mut rest = level.into_iter();
+        level = (0..groups)
+            .map(|group| {
+                let size = (group + 1) * count / groups - group * count / groups;
+                let (children, places): (Vec<_>, Vec<_>) = rest.by_ref().take(size).unzip();
+                let places: Vec<_> = places.concat().into_iter().step_by(4).collect();
+                let below = children.iter().map(|c: &ClusterInput| c.error);
+                let input = ClusterInput {
+                    mesh: mesh(&places),
+                    error: 4.0 * below.fold(10_000.0, f32::max),
+                    children,
+                };
+                (input, places)
+            })
+            .collect();
+    }
+    let metadata = metadata();
+    let finest = Cut::coarsest(Shape::Torus.charts(2).len());
+    let charts = Shape::Torus.inputs(&finest);
+    let content = Content {
+        charts: &charts,
+        clusters: level.first().map(|(root, _)| root),
+    };
+    let mut bytes = Vec::new();
+    write(&metadata, &metadata.lattice, &content, &mut bytes)?;
+    let mut document = Document::open(&bytes, Limits::default())?;
+    document.load_index(&bytes)?;
+    Ok((document, bytes))
 }
 
 /// A surface that charts are laid on.
@@ -174,15 +246,23 @@ impl Shape {
     /// Those of the writer.
     pub fn write(self, finest: &Cut) -> Result<Vec<u8>, Error> {
         let metadata = metadata();
-        let charts: Vec<ChartInput> = (0..self.chart_count())
+        let mut bytes = Vec::new();
+        write_atlas(
+            &metadata,
+            &metadata.lattice,
+            &self.inputs(finest),
+            &mut bytes,
+        )?;
+        Ok(bytes)
+    }
+
+    fn inputs(self, finest: &Cut) -> Vec<ChartInput> {
+        (0..self.chart_count())
             .map(|id| ChartInput {
                 glue: [0, 1, 2, 3].map(|side| self.glue(id, side)),
                 root: self.node(finest, NodeId::root(ChartId(id))),
             })
-            .collect();
-        let mut bytes = Vec::new();
-        write_atlas(&metadata, &metadata.lattice, &charts, &mut bytes)?;
-        Ok(bytes)
+            .collect()
     }
 
     /// The same, opened, with its whole index.

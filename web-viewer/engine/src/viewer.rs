@@ -8,19 +8,20 @@ mod stream;
 
 use crate::camera::{STANDARD_DISTANCE, View};
 use crate::controls::{Action, Controls};
-use crate::gpu_types::{DrawList, Frame, Instance};
+use crate::gpu_types::{ClusterList, DrawList, Frame, Instance};
 use crate::lod::animate::Drawn;
+use crate::lod::cluster;
 use crate::lod::cut::Cut;
 use crate::lod::desire::{Forest, Wanted};
 use crate::lod::edge_morph::{morph_of, side_modes};
-use crate::lod::residency::{NeededPage, restrict};
+use crate::lod::residency::restrict;
 use crate::options::{Shade, Transition};
 use crate::residency::fetch::{Delivery, Fetcher, Item};
 use crate::residency::page_table::PageTable;
-use crate::residency::upload::{MAX_LAYERS, Upload};
+use crate::residency::upload::{ClusterUpload, MAX_LAYERS, Upload};
 use crate::stats::{CacheStats, PageStats};
 use crate::{Camera, EngineError, InputEvent, Request, RequestId, Stats, ViewerOptions, Viewport};
-use marquetry_format::{ContentKind, Document, PageId};
+use marquetry_format::{ContentKind, Document, NodeId, PageId};
 use std::collections::{BTreeSet, HashMap, HashSet};
 use std::sync::atomic::{AtomicU64, Ordering};
 
@@ -57,6 +58,7 @@ pub struct Viewer {
     target: Cut,
     drawn: Drawn,
     draw_list: DrawList,
+    cluster_list: ClusterList,
 
     table: PageTable,
     fetcher: Fetcher,
@@ -83,7 +85,11 @@ struct Stale {
 /// A page that the plan needs.
 #[derive(Debug, Clone, Copy)]
 struct Needed {
-    what: NeededPage,
+    page: PageId,
+    /// The page that must be there before.
+    parent: Option<PageId>,
+    /// Its node in a chart; `None` for a cluster.
+    node: Option<NodeId>,
     /// Screen-space error that is shown without it, pixels.
     importance_px: f64,
     /// Whether the filter lets it and everything above it pass.
@@ -148,6 +154,7 @@ impl Viewer {
             target: coarsest.clone(),
             drawn: Drawn::at_rest(coarsest),
             draw_list: DrawList::default(),
+            cluster_list: ClusterList::default(),
             table,
             fetcher: Fetcher::default(),
             fetched: 0,
@@ -309,9 +316,9 @@ impl Viewer {
     /// What is drawn and what it took.
     pub fn stats(&self) -> Stats {
         Stats {
-            triangles: self.draw_list.triangles(),
-            nodes: self.draw_list.instances.len() as u64,
-            draw_calls: self.draw_list.draws().count() as u64,
+            triangles: self.draw_list.triangles() + self.cluster_list.triangles,
+            nodes: self.draw_list.instances.len() as u64 + self.cluster_list.nodes,
+            draw_calls: (self.draw_list.draws().count() + self.cluster_list.runs.len()) as u64,
             pages: PageStats {
                 requested: self.fetcher.requested(),
                 fetched: self.fetched,
@@ -361,6 +368,10 @@ impl Viewer {
         &self.draw_list
     }
 
+    pub(crate) fn cluster_list(&self) -> &ClusterList {
+        &self.cluster_list
+    }
+
     pub(crate) fn frame(&self) -> Option<Frame> {
         let view = self.view.as_ref()?;
         Some(Frame::new(
@@ -382,6 +393,14 @@ impl Viewer {
         self.table.take_uploads()
     }
 
+    pub(crate) fn take_cluster_uploads(&mut self) -> Vec<ClusterUpload> {
+        self.table.take_cluster_uploads()
+    }
+
+    pub(crate) fn cluster_slots(&self) -> u32 {
+        self.table.cluster_slots()
+    }
+
     pub(crate) fn mark_drawn(&mut self) {
         self.stale.frame = false;
     }
@@ -393,7 +412,7 @@ impl Viewer {
     fn missing(&self) -> impl Iterator<Item = &Needed> {
         self.needed
             .iter()
-            .filter(|needed| !self.table.contains(needed.what.page))
+            .filter(|needed| !self.table.contains(needed.page))
     }
 
     /// The view of the present camera; notes whether it is another one than before.
@@ -418,7 +437,7 @@ impl Viewer {
         let at_once =
             self.options.transition == Transition::None || self.options.morph_seconds == 0.0;
         // Nothing has been shown yet, or nothing is to be seen of the change.
-        if at_once || self.draw_list.instances.is_empty() {
+        if at_once || (self.draw_list.instances.is_empty() && self.cluster_list.nodes == 0) {
             self.drawn = Drawn::at_rest(self.target.clone());
         } else {
             #[expect(clippy::cast_possible_truncation, reason = "between 0 and 1")]
@@ -455,6 +474,15 @@ impl Viewer {
                 sides,
             ))
         });
+        self.cluster_list = ClusterList::new(
+            cluster::drawn(document, &drawn.cut)
+                .into_iter()
+                .filter_map(|id| {
+                    let node = document.clusters.as_ref()?.node(id)?;
+                    let slot = self.table.cluster_slot(document.page_of_cluster(id))?;
+                    view.sees(&node.bounds).then_some((slot, node.triangles))
+                }),
+        );
     }
 }
 

@@ -1,5 +1,6 @@
 //! Every shader parses and validates, without a GPU.
 
+use marquetry_engine::passes::cluster::shader;
 use marquetry_engine::passes::grid::SHADER;
 use naga::valid::{Capabilities, ValidationFlags, Validator};
 
@@ -24,4 +25,27 @@ fn grid_shader_is_valid() {
             "line_fragment"
         ]
     );
+}
+
+#[test]
+fn cluster_shader_is_valid() {
+    let source = shader();
+    let module = naga::front::wgsl::parse_str(&source)
+        .unwrap_or_else(|error| panic!("{}", error.emit_to_string(&source)));
+    Validator::new(ValidationFlags::all(), Capabilities::empty())
+        .validate(&module)
+        .unwrap_or_else(|error| panic!("{}", error.emit_to_string(&source)));
+    for name in ["cluster_surface_vertex", "cluster_line_vertex"] {
+        let entry = module.entry_points.iter().find(|entry| entry.name == name);
+        let arguments = &entry.unwrap().function.arguments;
+        // One attribute, as `CLUSTER_ATTRIBUTES` says.
+        assert_eq!(arguments.len(), 1);
+        assert!(matches!(
+            module.types[arguments[0].ty].inner,
+            naga::TypeInner::Vector {
+                size: naga::VectorSize::Quad,
+                scalar: naga::Scalar::U32
+            }
+        ));
+    }
 }

@@ -286,7 +286,7 @@ impl View {
             r#"{{"source_triangles":{},"charts":{},"pages":{}}}"#,
             document.metadata.source_triangles,
             document.charts.len(),
-            document.page_count()
+            document.stored_page_count()
         )
     }
 }

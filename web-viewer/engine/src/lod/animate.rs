@@ -39,6 +39,8 @@ impl Drawn {
 
     /// Moves towards `target`, which is balanced, by at most `step` in every morph (0 < `step`; 1 is the whole way).
     pub fn advance(&mut self, target: &Cut, charts: &[Chart], step: f32) {
+        // Clusters have nothing to move between.
+        self.cut.take_clusters_of(target);
         let leaves = self.cut.leaves();
         let mut merging = Vec::new();
         for leaf in &leaves {

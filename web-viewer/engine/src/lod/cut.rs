@@ -4,7 +4,7 @@
 //! A chart that draws its root has one leaf; so every chart is always covered, whatever is in the cut.
 
 use marquetry_format::quadtree::PAGE_RESOLUTION;
-use marquetry_format::{Chart, ChartId, NodeId, Quadrant, Side};
+use marquetry_format::{Chart, ChartId, ClusterId, NodeId, Quadrant, Side};
 use std::collections::BTreeSet;
 
 /// The four sides of a node.
@@ -62,14 +62,37 @@ struct ChartCut {
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Cut {
     charts: Vec<ChartCut>,
+    /// Clusters whose children are drawn in their place; see [`cluster`](super::cluster).
+    split_clusters: BTreeSet<ClusterId>,
 }
 
 impl Cut {
-    /// Every chart at resolution 0: two triangles.
+    /// Every chart at resolution 0: two triangles; and the root of the clusters.
     pub fn coarsest(charts: usize) -> Self {
         Self {
             charts: vec![ChartCut::default(); charts],
+            split_clusters: BTreeSet::new(),
         }
+    }
+
+    /// Whether the children of a cluster (or their descendants) are drawn in its place.
+    pub fn is_cluster_split(&self, id: ClusterId) -> bool {
+        self.split_clusters.contains(&id)
+    }
+
+    /// Draws the children of a cluster in its place.
+    pub fn split_cluster(&mut self, id: ClusterId) {
+        self.split_clusters.insert(id);
+    }
+
+    /// Draws the root of the clusters.
+    pub fn collapse_clusters(&mut self) {
+        self.split_clusters.clear();
+    }
+
+    /// Draws the clusters as `other` does.
+    pub fn take_clusters_of(&mut self, other: &Self) {
+        self.split_clusters.clone_from(&other.split_clusters);
     }
 
     /// Number of charts.
@@ -216,7 +239,7 @@ impl Cut {
         }
     }
 
-    /// Triangles drawn, those of zero area included.
+    /// Triangles drawn of the charts, those of zero area included.
     pub fn triangles(&self) -> u64 {
         self.leaves().iter().map(|leaf| leaf.triangles()).sum()
     }

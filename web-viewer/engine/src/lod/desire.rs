@@ -5,6 +5,7 @@
 //! Where the index ends (its blocks are read on demand) the walk stops and names the blocks that would take it further.
 
 use super::balance;
+use super::cluster;
 use super::cut::{Cut, Leaf, QUADRANTS};
 use super::residency::children;
 use crate::camera::View;
@@ -106,6 +107,15 @@ impl Forest {
             is_refinable(document, leaf, &mut blocks)
         });
         balance::coarsen(&mut cut, &document.charts);
+        cluster::refine(document, &mut cut, |id, node| {
+            let was_split = target.previous.is_some_and(|cut| cut.is_cluster_split(id));
+            let limit = if was_split {
+                HYSTERESIS * target.paged_error_px
+            } else {
+                target.paged_error_px
+            };
+            importance_px(target.view, node.error, &node.bounds) > limit
+        });
         Wanted { cut, blocks }
     }
 }

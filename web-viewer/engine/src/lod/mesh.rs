@@ -4,12 +4,15 @@
 //! dropped. So a balanced cut of a closed atlas gives a closed mesh, whatever its resolutions and morphs.
 //! Limit: samples that are different points of the surface but the same point of the lattice are welded too.
 
+use super::cluster;
 use super::cut::{Cut, Leaf};
 use super::edge_morph::{Morphs, SideMode, morph_of, side_modes};
 use super::residency::needed_pages;
 use crate::EngineError;
 use glam::{DVec3, Vec3};
-use marquetry_format::{ByteSource, ChartId, Document, PageId, PageSamples, octahedral};
+use marquetry_format::{
+    ByteSource, ChartId, ClusterMesh, Document, PageId, PageSamples, octahedral,
+};
 use std::collections::HashMap;
 
 /// A triangle mesh in lattice coordinates.
@@ -171,6 +174,28 @@ impl MeshBuilder {
         Some(())
     }
 
+    /// Adds the triangles of a cluster; `None` where it names a vertex that it does not have.
+    pub fn add_cluster(&mut self, cluster: &ClusterMesh) -> Option<()> {
+        for corners in &cluster.triangles {
+            let mut triangle = [0; 3];
+            for (index, corner) in triangle.iter_mut().zip(corners) {
+                let at = usize::from(*corner);
+                let point = cluster.positions.get(at)?;
+                let colour = cluster.colours.get(at).copied().unwrap_or([255; 3]);
+                *index = self.vertex(&Vertex {
+                    position: DVec3::from_array(point.map(f64::from)),
+                    normal: Vec3::from_array(octahedral::decode(*cluster.normals.get(at)?)),
+                    colour: Vec3::from_array(colour.map(f32::from)),
+                })?;
+            }
+            let [a, b, c] = triangle;
+            if a != b && b != c && c != a {
+                self.mesh.triangles.push(triangle);
+            }
+        }
+        Some(())
+    }
+
     /// The mesh.
     pub fn finish(self) -> Mesh {
         self.mesh
@@ -249,6 +274,7 @@ pub fn extract_mesh_in_motion(
                 .ok_or(EngineError::IndexIncomplete(page.0))?;
         }
     }
+    cluster::append(document, source, cut, &mut builder)?;
     Ok(builder.finish())
 }
 

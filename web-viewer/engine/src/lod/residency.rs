@@ -1,6 +1,7 @@
 //! Rule R7: a cut refines only into what is resident; and which pages a cut needs.
 
 use super::balance;
+use super::cluster;
 use super::cut::{Cut, QUADRANTS};
 use marquetry_format::quadtree::PAGE_RESOLUTION;
 use marquetry_format::{ChartId, Document, NodeId, PageId};
@@ -39,6 +40,7 @@ pub fn restrict(
         }
     }
     balance::coarsen(&mut cut, &document.charts);
+    cluster::restrict(document, &mut cut, resident);
     cut
 }
 

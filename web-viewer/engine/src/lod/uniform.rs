@@ -3,6 +3,7 @@
 //! Used by `export` and `measure`. Needs the whole index ([`Document::load_index`]).
 
 use super::balance;
+use super::cluster;
 use super::cut::{Cut, Leaf, QUADRANTS};
 use super::residency::{children, needed_pages};
 use crate::EngineError;
@@ -31,7 +32,9 @@ pub fn uniform_cut(document: &Document, fineness: Fineness) -> Result<Cut, Engin
     match fineness {
         Fineness::Finest => Ok(cut_at(document, -1.0)),
         Fineness::Error(error) => Ok(cut_at(document, error.max(0.0))),
-        Fineness::Triangles(most) => Ok(within(document, |cut| cut.triangles() <= most)),
+        Fineness::Triangles(most) => {
+            Ok(within(document, |cut| cut_triangles(document, cut) <= most))
+        }
         Fineness::Bytes(most) => {
             let base_bytes = base_bytes(document);
             Ok(within(document, |cut| {
@@ -41,6 +44,11 @@ pub fn uniform_cut(document: &Document, fineness: Fineness) -> Result<Cut, Engin
     }
 }
 
+/// Triangles that `cut` draws, of charts and clusters.
+pub fn cut_triangles(document: &Document, cut: &Cut) -> u64 {
+    cut.triangles() + cluster::triangles(document, cut)
+}
+
 /// Stored bytes of the pages that `cut` needs beyond the base.
 pub fn cut_bytes(document: &Document, cut: &Cut) -> u64 {
     let pages = needed_pages(cut, document);
@@ -48,7 +56,8 @@ pub fn cut_bytes(document: &Document, cut: &Cut) -> u64 {
         .iter()
         .filter_map(|needed| document.page(needed.page))
         .map(|entry| u64::from(entry.length))
-        .sum()
+        .sum::<u64>()
+        + cluster::bytes(document, cut)
 }
 
 /// Where the first page starts: what is read before any page.
@@ -111,6 +120,7 @@ fn cut_at(document: &Document, error: f64) -> Cut {
         is_refinable(document, leaf)
     });
     balance::coarsen(&mut cut, &document.charts);
+    cluster::refine(document, &mut cut, |_, node| f64::from(node.error) > error);
     cut
 }
 
@@ -127,6 +137,12 @@ fn within(document: &Document, fits: impl Fn(&Cut) -> bool) -> Cut {
     let mut errors: Vec<f64> = (0..document.page_count())
         .filter_map(|page| document.page(PageId(page)))
         .flat_map(|entry| entry.errors.iter().map(|e| f64::from(*e)))
+        .chain(
+            document
+                .clusters
+                .iter()
+                .flat_map(|tree| tree.nodes.iter().map(|node| f64::from(node.error))),
+        )
         .chain([-1.0])
         .collect();
     errors.sort_unstable_by(f64::total_cmp);

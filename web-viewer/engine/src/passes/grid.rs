@@ -77,17 +77,24 @@ impl GridPass {
             layout: &layout,
             format,
         };
+        let instances = [Some(wgpu::VertexBufferLayout {
+            array_stride: size_of::<Instance>() as u64,
+            step_mode: wgpu::VertexStepMode::Instance,
+            attributes: &Instance::ATTRIBUTES,
+        })];
         let indices = index_buffer(device, queue, &indices);
         Self {
             surface: pipelines.make(
                 wgpu::PrimitiveTopology::TriangleList,
                 "surface_vertex",
                 "surface_fragment",
+                &instances,
             ),
             lines: pipelines.make(
                 wgpu::PrimitiveTopology::LineList,
                 "line_vertex",
                 "line_fragment",
+                &instances,
             ),
             frame: device.create_buffer(&wgpu::BufferDescriptor {
                 label: Some("frame"),
@@ -99,6 +106,21 @@ impl GridPass {
             indices,
             triangle_ranges,
             line_ranges,
+        }
+    }
+
+    /// To make pipelines of other shaders with the same bindings.
+    pub(super) fn pipelines<'a>(
+        &'a self,
+        device: &'a wgpu::Device,
+        module: &'a wgpu::ShaderModule,
+        format: wgpu::TextureFormat,
+    ) -> Pipelines<'a> {
+        Pipelines {
+            device,
+            module,
+            layout: &self.layout,
+            format,
         }
     }
 
@@ -158,7 +180,7 @@ fn draw_ranges(pass: &mut wgpu::RenderPass<'_>, list: &DrawList, ranges: &[Range
     }
 }
 
-struct Pipelines<'a> {
+pub(super) struct Pipelines<'a> {
     device: &'a wgpu::Device,
     module: &'a wgpu::ShaderModule,
     layout: &'a wgpu::BindGroupLayout,
@@ -166,11 +188,12 @@ struct Pipelines<'a> {
 }
 
 impl Pipelines<'_> {
-    fn make(
+    pub(super) fn make(
         &self,
         topology: wgpu::PrimitiveTopology,
         vertex: &str,
         fragment: &str,
+        buffers: &[Option<wgpu::VertexBufferLayout<'_>>],
     ) -> wgpu::RenderPipeline {
         let layout = self
             .device
@@ -189,11 +212,7 @@ impl Pipelines<'_> {
                     module: self.module,
                     entry_point: Some(vertex),
                     compilation_options: wgpu::PipelineCompilationOptions::default(),
-                    buffers: &[Some(wgpu::VertexBufferLayout {
-                        array_stride: size_of::<Instance>() as u64,
-                        step_mode: wgpu::VertexStepMode::Instance,
-                        attributes: &Instance::ATTRIBUTES,
-                    })],
+                    buffers,
                 },
                 // Both faces are drawn: open scans are seen from behind, too.
                 primitive: wgpu::PrimitiveState {

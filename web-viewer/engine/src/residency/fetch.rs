@@ -196,8 +196,8 @@ impl Fetcher {
         for item in items {
             let Item::Page(page) = item else { continue };
             let length = document
-                .page(page)
-                .and_then(|entry| usize::try_from(entry.length).ok())
+                .page_range(page)
+                .and_then(|range| usize::try_from(range.end - range.start).ok())
                 .unwrap_or(0);
             let Some((own, after)) = rest.split_at_checked(length) else {
                 break;
@@ -341,10 +341,9 @@ fn run_around(
     page: PageId,
 ) -> Option<(Range<u32>, Range<u64>)> {
     let place = |page: u32| {
-        let entry = document
-            .page(PageId(page))
-            .filter(|entry| entry.length > 0)?;
-        Some(entry.offset..entry.offset.checked_add(u64::from(entry.length))?)
+        document
+            .page_range(PageId(page))
+            .filter(|range| !range.is_empty())
     };
     if !open.contains(&page) {
         return None;

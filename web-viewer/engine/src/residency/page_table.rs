@@ -4,8 +4,11 @@
 //! the cut that is drawn or wanted) and pages with a resident child are not evictable.
 
 use super::lru::Lru;
-use super::upload::{COLOURED_SAMPLE_BYTES, SAMPLE_BYTES, Slot, SlotAllocator, Upload};
-use marquetry_format::{Document, PageId, PageSamples};
+use super::upload::{
+    CLUSTER_SLOT_BYTES, COLOURED_SAMPLE_BYTES, ClusterSlots, ClusterUpload, SAMPLE_BYTES, Slot,
+    SlotAllocator, Upload,
+};
+use marquetry_format::{ClusterMesh, Document, PageId, PageSamples};
 use std::collections::{HashMap, HashSet};
 
 /// Bytes of one sample kept for decoding children: positions and normals with targets.
@@ -13,10 +16,19 @@ const KEPT_BYTES: u64 = 2 * (12 + 2);
 /// The same with colours and targets.
 const KEPT_COLOURED_BYTES: u64 = KEPT_BYTES + 2 * 3;
 
+/// Where a page is on the GPU.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Place {
+    /// Samples, in the textures.
+    Texels(Slot),
+    /// A cluster, in its buffers.
+    Cluster(u32),
+}
+
 /// A page in memory.
 #[derive(Debug)]
 struct Resident {
-    slot: Slot,
+    place: Place,
     /// Kept where the page has children.
     samples: Option<PageSamples>,
     parent: Option<PageId>,
@@ -32,6 +44,9 @@ pub struct PageTable {
     slots: SlotAllocator,
     base: Vec<Slot>,
     uploads: Vec<Upload>,
+    cluster_slots: ClusterSlots,
+    cluster_uploads: Vec<ClusterUpload>,
+    root_cluster: Option<u32>,
     used_bytes: u64,
     pinned_bytes: u64,
     evictions: u64,
@@ -47,6 +62,14 @@ impl PageTable {
             table.base.push(slot);
             table.pinned_bytes += bytes_of(samples.resolution, true, !samples.colours.is_empty());
         }
+        if let Some(tree) = &document.clusters {
+            let slot = table.cluster_slots.allocate()?;
+            table
+                .cluster_uploads
+                .push(ClusterUpload::pack(slot, 0, &tree.root));
+            table.root_cluster = Some(slot);
+            table.pinned_bytes += CLUSTER_SLOT_BYTES;
+        }
         Some(table)
     }
 
@@ -57,7 +80,21 @@ impl PageTable {
 
     /// The slot of `page`.
     pub fn slot(&self, page: PageId) -> Option<Slot> {
-        self.pages.get(&page).map(|resident| resident.slot)
+        match self.pages.get(&page)?.place {
+            Place::Texels(slot) => Some(slot),
+            Place::Cluster(_) => None,
+        }
+    }
+
+    /// The slot of the cluster whose mesh `page` holds; of the root for `None`.
+    pub fn cluster_slot(&self, page: Option<PageId>) -> Option<u32> {
+        let Some(page) = page else {
+            return self.root_cluster;
+        };
+        match self.pages.get(&page)?.place {
+            Place::Texels(_) => None,
+            Place::Cluster(slot) => Some(slot),
+        }
     }
 
     /// The slot of the base of chart `index`.
@@ -110,10 +147,39 @@ impl PageTable {
             !samples.colours.is_empty(),
         );
         let samples = has_children.then_some(samples);
+        self.keep(page, Place::Texels(slot), samples, parent, bytes);
+        true
+    }
+
+    /// Takes the decoded mesh of a cluster of `level`; whether there was a slot for it. Room must have been made.
+    pub fn insert_cluster(
+        &mut self,
+        page: PageId,
+        parent: Option<PageId>,
+        level: u8,
+        mesh: &ClusterMesh,
+    ) -> bool {
+        let Some(slot) = self.cluster_slots.allocate() else {
+            return false;
+        };
+        self.cluster_uploads
+            .push(ClusterUpload::pack(slot, level, mesh));
+        self.keep(page, Place::Cluster(slot), None, parent, CLUSTER_SLOT_BYTES);
+        true
+    }
+
+    fn keep(
+        &mut self,
+        page: PageId,
+        place: Place,
+        samples: Option<PageSamples>,
+        parent: Option<PageId>,
+        bytes: u64,
+    ) {
         self.pages.insert(
             page,
             Resident {
-                slot,
+                place,
                 samples,
                 parent,
                 children_here: 0,
@@ -125,7 +191,6 @@ impl PageTable {
         }
         self.used_bytes += bytes;
         self.lru.touch(page);
-        true
     }
 
     /// Uploads that have not been taken yet, in order.
@@ -133,9 +198,19 @@ impl PageTable {
         std::mem::take(&mut self.uploads)
     }
 
+    /// Clusters that have not been taken yet, in order.
+    pub fn take_cluster_uploads(&mut self) -> Vec<ClusterUpload> {
+        std::mem::take(&mut self.cluster_uploads)
+    }
+
+    /// Slots of clusters in use.
+    pub fn cluster_slots(&self) -> u32 {
+        self.cluster_slots.count()
+    }
+
     /// Whether uploads wait.
     pub fn has_uploads(&self) -> bool {
-        !self.uploads.is_empty()
+        !self.uploads.is_empty() || !self.cluster_uploads.is_empty()
     }
 
     /// Texture layers in use.
@@ -177,8 +252,16 @@ impl PageTable {
         {
             parent.children_here = parent.children_here.saturating_sub(1);
         }
-        self.uploads.retain(|upload| upload.slot != resident.slot);
-        self.slots.free(resident.slot);
+        match resident.place {
+            Place::Texels(slot) => {
+                self.uploads.retain(|upload| upload.slot != slot);
+                self.slots.free(slot);
+            }
+            Place::Cluster(slot) => {
+                self.cluster_uploads.retain(|upload| upload.slot != slot);
+                self.cluster_slots.free(slot);
+            }
+        }
         self.used_bytes = self.used_bytes.saturating_sub(resident.bytes);
         self.evictions += 1;
     }

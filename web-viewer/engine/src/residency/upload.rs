@@ -4,7 +4,7 @@
 //! size, so that small root pages do not take the room of full ones; a band whose squares are all free serves any size
 //! again. At most half of a band is lost (17² squares), one row in 34 for full pages.
 
-use marquetry_format::PageSamples;
+use marquetry_format::{ClusterMesh, PageSamples};
 use std::collections::BTreeSet;
 
 /// Texels a side of one layer.
@@ -178,6 +178,96 @@ impl Upload {
 /// 3×21 bits in two words: x in bits 0..21, y in 21..42, z in 42..63.
 pub fn pack_point([x, y, z]: [u32; 3]) -> [u32; 2] {
     [x | y << 21, y >> 11 | z << 10]
+}
+
+/// Vertices that a cluster's slot has room for, and triangles.
+pub const CLUSTER_VERTICES: u32 = 256;
+/// Corners that a cluster's slot has room for.
+pub const CLUSTER_CORNERS: u32 = 3 * 256;
+/// Bytes of a cluster's slot: vertices, corners, and the ends of lines, two a corner.
+pub const CLUSTER_SLOT_BYTES: u64 =
+    16 * CLUSTER_VERTICES as u64 + 4 * CLUSTER_CORNERS as u64 + 8 * CLUSTER_CORNERS as u64;
+/// Slots that buffers of the size that WebGPU guarantees have room for.
+pub const MAX_CLUSTER_SLOTS: u32 = 1 << 14;
+
+/// A cluster on its way to its slot, filled up with triangles without extent so that neighbouring slots are drawn as one.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct ClusterUpload {
+    /// Number of the slot.
+    pub slot: u32,
+    /// Position (two words, as in an [`Upload`]), normal with the level above it, colour.
+    pub vertices: Vec<[u32; 4]>,
+    /// Corners, numbered over all slots.
+    pub corners: Vec<u32>,
+    /// Ends of lines, numbered alike.
+    pub line_ends: Vec<u32>,
+}
+
+impl ClusterUpload {
+    /// Packs `mesh`, a node of that level, for `slot`.
+    pub fn pack(slot: u32, level: u8, mesh: &ClusterMesh) -> Self {
+        let first = slot * CLUSTER_VERTICES;
+        let vertices = mesh.positions.iter().zip(&mesh.normals).enumerate();
+        let vertices = vertices
+            .map(|(index, (point, [a, b]))| {
+                let [low, high] = pack_point(*point);
+                let [r, g, b_] = mesh.colours.get(index).copied().unwrap_or([255; 3]);
+                [
+                    low,
+                    high,
+                    u32::from_le_bytes([*a, *b, level, 0]),
+                    u32::from_le_bytes([r, g, b_, 0]),
+                ]
+            })
+            .collect();
+        let room = usize::try_from(CLUSTER_CORNERS).unwrap_or(usize::MAX);
+        let mut corners: Vec<u32> = mesh.triangles.as_flattened()[..]
+            .iter()
+            .map(|corner| first + u32::from(*corner))
+            .collect();
+        let mut line_ends: Vec<u32> = corners
+            .chunks_exact(3)
+            .flat_map(|t| [t[0], t[1], t[1], t[2], t[2], t[0]])
+            .collect();
+        corners.resize(room, first);
+        line_ends.resize(2 * room, first);
+        Self {
+            slot,
+            vertices,
+            corners,
+            line_ends,
+        }
+    }
+}
+
+/// Hands out the slots of clusters, the lowest first, so that runs of neighbours form.
+#[derive(Debug, Clone, Default)]
+pub struct ClusterSlots {
+    free: BTreeSet<u32>,
+    used: u32,
+}
+
+impl ClusterSlots {
+    /// A free slot; `None` where the buffers are full.
+    pub fn allocate(&mut self) -> Option<u32> {
+        self.free.pop_first().or_else(|| {
+            let slot = self.used;
+            (slot < MAX_CLUSTER_SLOTS).then(|| {
+                self.used += 1;
+                slot
+            })
+        })
+    }
+
+    /// Gives a slot back.
+    pub fn free(&mut self, slot: u32) {
+        self.free.insert(slot);
+    }
+
+    /// Slots in use so far; never shrinks.
+    pub fn count(&self) -> u32 {
+        self.used
+    }
 }
 
 /// The inverse of [`pack_point`].

@@ -6,9 +6,13 @@
 
 use super::{Needed, Viewer};
 use crate::camera::View;
+use crate::lod::cluster::{self, NeededCluster};
+use crate::lod::cut::Cut;
 use crate::lod::desire::{Target, importance_px};
 use crate::lod::residency::{NeededPage, needed_pages};
 use crate::residency::page_table::bytes_of;
+use crate::residency::upload::CLUSTER_SLOT_BYTES;
+use marquetry_format::PageId;
 
 /// Steps of the target error to a factor of two.
 const BUDGET_STEPS_PER_OCTAVE: f64 = 4.0;
@@ -38,8 +42,11 @@ impl Viewer {
                 previous: previous.as_ref(),
             };
             let wanted = viewer.forest.want(&viewer.document, &target);
-            let needed = needed_pages(&wanted.cut, &viewer.document);
-            let fits = viewer.cache_bytes(&needed) <= viewer.options.cache_bytes
+            let needed = (
+                needed_pages(&wanted.cut, &viewer.document),
+                cluster::needed(&viewer.document, &wanted.cut),
+            );
+            let fits = viewer.cache_bytes(&needed.0, &needed.1) <= viewer.options.cache_bytes
                 || step >= LAST_BUDGET_STEP;
             (fits, wanted, needed)
         };
@@ -58,39 +65,73 @@ impl Viewer {
         }
         let (_, wanted, needed) = best;
         self.wanted = wanted;
-        self.need(view, &needed);
+        self.need(view, &needed.0, &needed.1);
         self.pin();
     }
 
-    fn cache_bytes(&self, needed: &[NeededPage]) -> u64 {
+    fn cache_bytes(&self, needed: &[NeededPage], clusters: &[NeededCluster]) -> u64 {
         let has_colours = self.document.metadata.has_colours;
         let entries = needed
             .iter()
             .filter_map(|needed| self.document.page(needed.page));
         entries
             .map(|entry| bytes_of(entry.resolution, entry.has_children, has_colours))
-            .sum()
+            .sum::<u64>()
+            + CLUSTER_SLOT_BYTES * clusters.len() as u64
     }
 
-    fn need(&mut self, view: &View, pages: &[NeededPage]) {
+    fn need(&mut self, view: &View, pages: &[NeededPage], clusters: &[NeededCluster]) {
         self.needed.clear();
         self.needed_index.clear();
         for what in pages {
-            let parent = what
-                .parent
-                .and_then(|parent| self.needed_index.get(&parent));
-            let parent_allowed = parent
-                .and_then(|index| self.needed.get(*index))
-                .is_none_or(|parent| parent.allowed);
-            let needed = Needed {
-                what: *what,
+            self.add_needed(Needed {
+                page: what.page,
+                parent: what.parent,
+                node: Some(what.node),
                 importance_px: self.importance_px(view, what),
-                allowed: parent_allowed
-                    && self.filter.as_ref().is_none_or(|filter| filter(what.page)),
-            };
-            self.needed_index.insert(what.page, self.needed.len());
-            self.needed.push(needed);
+                allowed: true,
+            });
         }
+        for what in clusters {
+            let tree = self.document.clusters.as_ref();
+            let above = tree.and_then(|tree| tree.node(what.above));
+            self.add_needed(Needed {
+                page: what.page,
+                parent: what.parent,
+                node: None,
+                importance_px: above
+                    .map_or(0.0, |node| importance_px(view, node.error, &node.bounds)),
+                allowed: true,
+            });
+        }
+    }
+
+    /// Adds a page, which is allowed where its parent and the filter let it pass.
+    fn add_needed(&mut self, mut needed: Needed) {
+        let parent = needed
+            .parent
+            .and_then(|parent| self.needed_index.get(&parent));
+        let parent_allowed = parent
+            .and_then(|index| self.needed.get(*index))
+            .is_none_or(|parent| parent.allowed);
+        needed.allowed = parent_allowed
+            && self
+                .filter
+                .as_ref()
+                .is_none_or(|filter| filter(needed.page));
+        self.needed_index.insert(needed.page, self.needed.len());
+        self.needed.push(needed);
+    }
+
+    /// All pages that `cut` needs, of charts and of clusters.
+    fn pages_of(&self, cut: &Cut) -> Vec<PageId> {
+        let charts = needed_pages(cut, &self.document);
+        let clusters = cluster::needed(&self.document, cut);
+        charts
+            .iter()
+            .map(|needed| needed.page)
+            .chain(clusters.iter().map(|needed| needed.page))
+            .collect()
     }
 
     /// Screen-space error, pixels, of what is drawn while `what` is not there.
@@ -112,15 +153,15 @@ impl Viewer {
 
     /// Pins the pages of the plan and of what is drawn, and marks them as used.
     pub(super) fn pin(&mut self) {
-        let drawn = needed_pages(&self.drawn.cut, &self.document);
+        let drawn = self.pages_of(&self.drawn.cut);
         self.pinned = self
             .needed
             .iter()
-            .map(|needed| needed.what.page)
-            .chain(drawn.iter().map(|d| d.page))
+            .map(|needed| needed.page)
+            .chain(drawn.iter().copied())
             .collect();
-        self.table.touch(drawn.iter().map(|needed| needed.page));
+        self.table.touch(drawn.into_iter());
         self.table
-            .touch(self.needed.iter().map(|needed| needed.what.page));
+            .touch(self.needed.iter().map(|needed| needed.page));
     }
 }

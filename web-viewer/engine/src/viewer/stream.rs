@@ -3,11 +3,14 @@
 use super::{Needed, Viewer};
 use crate::Request;
 use crate::lod::mesh::base_of;
-use crate::lod::residency::NeededPage;
 use crate::residency::fetch::Item;
 use crate::residency::page_table::bytes_of;
+use crate::residency::upload::CLUSTER_SLOT_BYTES;
 use marquetry_format::quadtree::PAGE_RESOLUTION;
 use marquetry_format::{PageId, PageSamples};
+
+/// Samples that decoding a cluster counts for.
+const CLUSTER_COST: usize = 256;
 
 /// Samples of a page at `resolution`.
 fn samples_of(resolution: u8) -> usize {
@@ -28,7 +31,7 @@ impl Viewer {
                 self.fetcher.forget(page);
                 continue;
             };
-            let what = needed.what;
+            let what = *needed;
             if left == 0 {
                 break;
             }
@@ -36,6 +39,13 @@ impl Viewer {
                 .parent
                 .is_some_and(|parent| !self.table.contains(parent))
             {
+                continue;
+            }
+            if what.node.is_none() {
+                if !self.decode_cluster(what) {
+                    break;
+                }
+                left = left.saturating_sub(CLUSTER_COST);
                 continue;
             }
             let Some(entry) = self.document.page(page) else {
@@ -73,14 +83,54 @@ impl Viewer {
         }
     }
 
-    fn decode(&self, what: NeededPage) -> Result<PageSamples, String> {
+    /// Decodes the mesh of a cluster that arrived; false where the cache has no room for it.
+    fn decode_cluster(&mut self, what: Needed) -> bool {
+        let capacity = self.options.cache_bytes;
+        if !self
+            .table
+            .make_room(CLUSTER_SLOT_BYTES, capacity, &self.pinned)
+        {
+            return false;
+        }
+        let page = what.page;
+        let bytes = self.fetcher.bytes_of(page).unwrap_or(&[]);
+        let decoded = match self.document.cluster_of_page(page) {
+            Some(id) => self
+                .document
+                .decode_cluster(id, bytes)
+                .map_err(|error| error.to_string()),
+            None => Err("is no cluster's".to_owned()),
+        };
+        match decoded {
+            Ok(mesh) => {
+                let node = self.document.cluster_node_of_page(page);
+                let level = node.map_or(0, |node| node.level);
+                if !self.table.insert_cluster(page, what.parent, level, &mesh) {
+                    return false;
+                }
+                self.fetched += 1;
+                self.fetcher.succeed(Item::Page(page));
+                self.stale.target = true;
+            }
+            Err(reason) => self.fetcher.fail(
+                self.clock,
+                &[Item::Page(page)],
+                &format!("page {}: {reason}", page.0),
+            ),
+        }
+        self.fetcher.forget(page);
+        true
+    }
+
+    fn decode(&self, what: Needed) -> Result<PageSamples, String> {
         let bytes = self.fetcher.bytes_of(what.page).unwrap_or(&[]);
-        let decoded = match (what.node.parent(), what.parent) {
-            (None, _) => self.document.decode_root(what.node.chart, bytes),
+        let node = what.node.ok_or("is no chart's")?;
+        let decoded = match (node.parent(), what.parent) {
+            (None, _) => self.document.decode_root(node.chart, bytes),
             (Some((_, quadrant)), parent) => {
                 let samples = match parent {
                     Some(parent) => self.table.samples(parent),
-                    None => base_of(&self.document, what.node.chart),
+                    None => base_of(&self.document, node.chart),
                 };
                 let samples = samples.ok_or("its parent is not in memory")?;
                 self.document
@@ -96,9 +146,9 @@ impl Viewer {
         missing.sort_by(|a, b| {
             b.importance_px
                 .total_cmp(&a.importance_px)
-                .then_with(|| a.what.page.cmp(&b.what.page))
+                .then_with(|| a.page.cmp(&b.page))
         });
-        let pages: Vec<PageId> = missing.into_iter().map(|needed| needed.what.page).collect();
+        let pages: Vec<PageId> = missing.into_iter().map(|needed| needed.page).collect();
         let limit = self.options.requests_in_flight;
         self.fetcher.schedule(
             self.clock,

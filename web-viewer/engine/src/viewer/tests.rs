@@ -4,7 +4,7 @@ use super::*;
 use crate::lod::balance;
 use crate::lod::cut::{Across, SIDES};
 use crate::lod::residency::needed_pages;
-use crate::testing::{Random, Shape, random_finest};
+use crate::testing::{Random, Shape, clustered, random_finest};
 use glam::DVec3;
 use marquetry_format::{ByteSource, Limits};
 
@@ -27,9 +27,16 @@ impl Network {
         let mut random = Random::new(seed);
         let finest = random_finest(&mut random, &shape.charts(5), 3, 5);
         Self {
-            file: shape.write(&finest).unwrap(),
-            open: Vec::new(),
             random,
+            ..Self::of(shape.write(&finest).unwrap(), seed)
+        }
+    }
+
+    fn of(file: Vec<u8>, seed: u64) -> Self {
+        Self {
+            file,
+            open: Vec::new(),
+            random: Random::new(seed),
             faulty_one_in: 0,
         }
     }
@@ -104,8 +111,15 @@ fn check(viewer: &Viewer) {
             assert_eq!(morph_of(&drawn.morphs, leaf), 0.0);
         }
     }
-    // Every leaf that may be seen has samples: no hole.
+    for id in cluster::drawn(&viewer.document, &drawn.cut) {
+        let tree = viewer.document.clusters.as_ref().unwrap();
+        seen += u64::from(view.sees(&tree.node(id).unwrap().bounds));
+    }
+    // Every leaf and every cluster that may be seen is in memory: no hole.
     assert_eq!(stats.nodes, seen);
+    for needed in cluster::needed(&viewer.document, &drawn.cut) {
+        assert!(viewer.table.contains(needed.page));
+    }
     for needed in needed_pages(&drawn.cut, &viewer.document) {
         assert!(viewer.table.contains(needed.page));
     }
@@ -189,6 +203,48 @@ fn teleports_and_spins_never_show_a_hole() {
 }
 
 #[test]
+fn clusters_stream_within_the_same_budget() {
+    let mut network = Network::of(clustered(600).unwrap().1, 13);
+    network.faulty_one_in = 6;
+    let mut finest = 0;
+    for cache_bytes in [0, 100_000, 400_000, 1 << 30] {
+        let mut viewer = network.viewer(ViewerOptions {
+            cache_bytes,
+            ..ViewerOptions::default()
+        });
+        network.open.clear();
+        for round in 0..6 {
+            let camera = random_camera(&mut network.random, &viewer.document.metadata);
+            viewer.set_camera(camera);
+            for _ in 0..20 * (round % 2) {
+                network.frame(&mut viewer, 0.016);
+                check(&viewer);
+            }
+        }
+        viewer.set_camera(Camera::standard(&viewer.document.metadata, 0, 0.7).unwrap());
+        network.settle(&mut viewer);
+        check(&viewer);
+        let nodes = cluster::drawn(&viewer.document, &viewer.drawn().cut).len();
+        assert!(nodes >= finest, "{nodes} after {finest}");
+        finest = nodes;
+    }
+    assert!(finest > 20, "the test has seen {finest} clusters");
+}
+
+#[test]
+fn far_clusters_are_drawn_as_one() {
+    let mut network = Network::of(clustered(600).unwrap().1, 14);
+    let mut viewer = network.viewer(ViewerOptions::default());
+    viewer.set_camera(Camera::standard(&viewer.document.metadata, 0, 4000.0).unwrap());
+    network.settle(&mut viewer);
+    assert_eq!(
+        cluster::drawn(&viewer.document, &viewer.drawn().cut).len(),
+        1
+    );
+    assert_eq!(viewer.stats().pages.fetched, 0);
+}
+
+#[test]
 fn faults_are_reported_and_overcome() {
     let mut network = Network::new(Shape::Torus, 6);
     network.faulty_one_in = 2;
@@ -210,13 +266,13 @@ fn pages_that_never_come_leave_the_coarser_picture() {
     viewer.set_page_filter(Some(Box::new(|page| page.0 % 3 != 1)));
     network.settle(&mut viewer);
     assert!(viewer.stats().pages.missing > 0);
-    let resident = |needed: &&Needed| viewer.table.contains(needed.what.page);
+    let resident = |needed: &&Needed| viewer.table.contains(needed.page);
     assert!(
         viewer
             .needed
             .iter()
             .filter(resident)
-            .all(|needed| needed.what.page.0 % 3 != 1)
+            .all(|needed| needed.page.0 % 3 != 1)
     );
     let coarse = viewer.stats().triangles;
     viewer.set_page_filter(None);

@@ -1,0 +1,102 @@
+//! Small components as clusters: what is too little for charts goes, as it is, into a tree of small meshes.
+//!
+//! A chart costs a page, glue and at least two triangles in every cut, and a closed component needs a dozen: 3 000 cubes
+//! would be 36 000 charts. So [`select`] takes the small components out of the mesh, [`leaf`] puts them on the lattice and
+//! packs them along a Hilbert curve into leaves, [`tree`] builds coarser clusters over these, made by [`simplify`], and
+//! [`bound`] says how far each is from what it stands for.
+//!
+//! Every component lies in one leaf as a whole, so no cut through the tree can open a crack in it.
+//! Limit: a component that a leaf has no room for becomes charts, however small its area is.
+
+pub mod bound;
+pub mod leaf;
+pub mod select;
+pub mod shape;
+pub mod simplify;
+pub mod tree;
+
+use crate::mesh::ManifoldMesh;
+use glam::DVec3;
+use marquetry_format::Lattice;
+use marquetry_format::writer::ClusterInput;
+
+/// A tree of clusters, and what is in it.
+#[derive(Debug)]
+pub struct Layer {
+    /// The root.
+    pub root: ClusterInput,
+    /// Guaranteed bound of the distance, both ways, of all leaves to their components; a length.
+    pub max_error: f64,
+    /// What is in it.
+    pub summary: Summary,
+}
+
+/// What is in a tree of clusters.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, serde::Serialize)]
+pub struct Summary {
+    /// Components of the source.
+    pub components: usize,
+    /// Their triangles.
+    pub triangles: usize,
+    /// Nodes of the tree.
+    pub nodes: usize,
+    /// Leaves of the tree.
+    pub leaves: usize,
+}
+
+/// Builds the tree of `components`, lists of triangles of `mesh`, of which there is at least one.
+///
+/// The same for any number of threads.
+pub fn build(
+    mesh: &ManifoldMesh,
+    components: &[Vec<u32>],
+    lattice: &Lattice,
+    colours: bool,
+) -> Layer {
+    let leaves = leaf::leaves(mesh, components, lattice, colours);
+    let mut summary = Summary {
+        components: components.len(),
+        triangles: components.iter().map(Vec::len).sum(),
+        nodes: 0,
+        leaves: leaves.len(),
+    };
+    let max_error = leaves
+        .iter()
+        .map(|leaf| f64::from(leaf.error))
+        .fold(0.0, f64::max);
+    let root = tree::tree(leaves);
+    let mut stack = vec![&root];
+    while let Some(node) = stack.pop() {
+        summary.nodes += 1;
+        stack.extend(&node.children);
+    }
+    Layer {
+        root,
+        max_error: max_error * lattice.step,
+        summary,
+    }
+}
+
+/// Appends the triangles of all leaves below `root`, in world units.
+pub fn append_finest(
+    root: &ClusterInput,
+    lattice: &Lattice,
+    positions: &mut Vec<DVec3>,
+    triangles: &mut Vec<[u32; 3]>,
+) {
+    let mut stack = vec![root];
+    while let Some(node) = stack.pop() {
+        if !node.children.is_empty() {
+            stack.extend(&node.children);
+            continue;
+        }
+        let first = u32::try_from(positions.len()).unwrap_or(u32::MAX);
+        let world = |&p: &_| lattice.world_from_lattice(p);
+        positions.extend(node.mesh.positions.iter().map(world));
+        let corners = |t: &[u8; 3]| t.map(|corner| first + u32::from(corner));
+        triangles.extend(node.mesh.triangles.iter().map(corners));
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,102 @@
+//! Which components are too small for charts.
+//!
+//! A component hangs together by welded vertices, cuts made for topology's sake included: no crack can open within one.
+//! It is small if a leaf has room for it as it is. [`MOST_TRIANGLES`] says what was measured.
+
+use crate::mesh::adjacency::{UnionFind, id, label};
+use crate::mesh::{ManifoldMesh, NONE};
+use marquetry_format::cluster::{MAX_CLUSTER_TRIANGLES, MAX_CLUSTER_VERTICES};
+
+/// Most triangles of a small component.
+pub const MOST_TRIANGLES: usize = MAX_CLUSTER_TRIANGLES;
+
+/// A mesh without its small components, and these.
+#[derive(Debug)]
+pub struct Selection {
+    /// The surface that is to have charts; may be without triangles.
+    pub rest: ManifoldMesh,
+    /// Triangles of the whole mesh, component by component, in order of first occurrence.
+    pub small: Vec<Vec<u32>>,
+}
+
+/// Takes the small components out of `mesh`; `None` if it has none.
+pub fn select(mesh: &ManifoldMesh) -> Option<Selection> {
+    let origins = mesh.origin.iter().map(|&o| o as usize + 1).max()?;
+    let mut sets = UnionFind::new(origins);
+    for t in &mesh.triangles {
+        let [a, b, c] = t.map(|v| mesh.origin[v as usize]);
+        sets.union(a, b);
+        sets.union(a, c);
+    }
+    let first = |t: &[u32; 3]| mesh.origin[t[0] as usize];
+    let (components, count) = label(&mut sets, mesh.triangles.iter().map(first));
+    let mut triangles = vec![0usize; count as usize];
+    let mut vertices = vec![0usize; count as usize];
+    let mut is_counted = vec![false; mesh.positions.len()];
+    for (t, &component) in mesh.triangles.iter().zip(&components) {
+        triangles[component as usize] += 1;
+        for &v in t {
+            let is_new = !std::mem::replace(&mut is_counted[v as usize], true);
+            vertices[component as usize] += usize::from(is_new);
+        }
+    }
+    let is_small: Vec<bool> = triangles
+        .iter()
+        .zip(&vertices)
+        .map(|(&t, &v)| t <= MOST_TRIANGLES && v <= MAX_CLUSTER_VERTICES)
+        .collect();
+    if !is_small.contains(&true) {
+        return None;
+    }
+    let mut small = Vec::new();
+    let mut place = vec![NONE; count as usize];
+    for (t, &component) in (0u32..).zip(&components) {
+        if !is_small[component as usize] {
+            continue;
+        }
+        let slot = &mut place[component as usize];
+        if *slot == NONE {
+            *slot = id(small.len());
+            small.push(Vec::new());
+        }
+        small[*slot as usize].push(t);
+    }
+    let kept = |t: usize| !is_small[components[t] as usize];
+    Some(Selection {
+        rest: part(mesh, kept),
+        small,
+    })
+}
+
+/// The triangles of `mesh` that are `kept`, which are whole components, and their vertices.
+fn part(mesh: &ManifoldMesh, kept: impl Fn(usize) -> bool) -> ManifoldMesh {
+    let mut rest = ManifoldMesh::default();
+    let mut vertex = vec![NONE; mesh.positions.len()];
+    let mut triangle = vec![NONE; mesh.triangles.len()];
+    for (t, corners) in mesh.triangles.iter().enumerate().filter(|&(t, _)| kept(t)) {
+        triangle[t] = id(rest.triangles.len());
+        rest.triangles.push(corners.map(|v| {
+            let slot = &mut vertex[v as usize];
+            if *slot == NONE {
+                *slot = id(rest.positions.len());
+                rest.positions.push(mesh.positions[v as usize]);
+                rest.origin.push(mesh.origin[v as usize]);
+                rest.normals.push(mesh.normals[v as usize]);
+                rest.colours.extend(mesh.colours.get(v as usize));
+            }
+            *slot
+        }));
+    }
+    for (twins, _) in mesh
+        .twins
+        .chunks_exact(3)
+        .zip(&triangle)
+        .filter(|&(_, &t)| t != NONE)
+    {
+        rest.twins.extend(twins.iter().map(|&twin| match twin {
+            NONE => NONE,
+            twin => 3 * triangle[twin as usize / 3] + twin % 3,
+        }));
+    }
+    rest
+}

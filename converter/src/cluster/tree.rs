@@ -1,0 +1,48 @@
+//! Coarser clusters over the leaves, level by level.
+//!
+//! Neighbours along the curve are joined four at a time. A node's error is the bound of its distance to its children and,
+//! on top of it, the largest of theirs: distances between sets add up, so it bounds the distance to the source, and it
+//! never grows on the way down.
+
+use super::leaf::upwards;
+use super::shape::Shape;
+use super::simplify::simplified;
+use marquetry_format::writer::ClusterInput;
+use rayon::prelude::*;
+
+/// Most children of a node.
+const FAN_OUT: usize = 4;
+
+/// The root over `leaves`, of which there is at least one.
+pub fn tree(leaves: Vec<ClusterInput>) -> ClusterInput {
+    let mut level = leaves;
+    while level.len() > 1 {
+        let groups = level.len().div_ceil(FAN_OUT);
+        // Of nearly equal size, so that none has a single child.
+        let mut rest = level.into_iter();
+        let mut sizes = Vec::with_capacity(groups);
+        let count = rest.len();
+        for group in 0..groups {
+            let size = (group + 1) * count / groups - group * count / groups;
+            sizes.push(rest.by_ref().take(size).collect::<Vec<_>>());
+        }
+        level = sizes.into_par_iter().map(parent).collect();
+    }
+    level.pop().unwrap_or_default()
+}
+
+fn parent(children: Vec<ClusterInput>) -> ClusterInput {
+    let mut shape = Shape::default();
+    let mut below = 0.0f64;
+    for child in &children {
+        shape.append_cluster(&child.mesh);
+        below = below.max(f64::from(child.error));
+    }
+    let colours = children.iter().any(|child| !child.mesh.colours.is_empty());
+    let (coarser, error) = simplified(&shape);
+    ClusterInput {
+        mesh: coarser.cluster(colours),
+        error: upwards(below + error),
+        children,
+    }
+}

@@ -69,6 +69,35 @@ pub fn import(path: &Path) -> Result<(ImportedMesh, ImportReport), ImportError> 
     import_bytes(bytes, path)
 }
 
+/// Triangles that the file at `path` announces, read from its beginning alone: a lower bound where every face has an area.
+///
+/// None where the format has no counts, or the file is too short for them.
+pub fn announced_triangles(path: &Path) -> Option<u64> {
+    /// Enough for the header of any mesh.
+    const HEAD: u64 = 1 << 16;
+    let file = std::fs::File::open(path).ok()?;
+    let stored = file.metadata().ok()?.len();
+    let mut head = Vec::new();
+    (&file).take(HEAD).read_to_end(&mut head).ok()?;
+    let mut most = stored;
+    if head.starts_with(&[0x1f, 0x8b]) {
+        let mut text = Vec::new();
+        // The head ends in the middle of the stream, which is no fault here.
+        let _ = flate2::read::MultiGzDecoder::new(&head[..])
+            .take(HEAD)
+            .read_to_end(&mut text);
+        head = text;
+        most = expansion_limit(stored);
+    }
+    // No format needs less than three bytes a face.
+    let triangles = match detect::detect(&head, Path::new("")) {
+        Some(Format::Ply) => ply::announced_faces(&head),
+        Some(Format::Off) => off::announced_faces(&head),
+        _ => stl::announced_faces(&head, most),
+    };
+    triangles.filter(|&n| n <= most / 3)
+}
+
 /// Reads the mesh in `bytes`; `path` gives the extension, the folder of referenced files, and the name for messages.
 ///
 /// # Errors

@@ -3,8 +3,12 @@
 pub mod atlas;
 pub mod cluster;
 pub mod error;
+#[cfg(any(test, feature = "fuzzing"))]
+pub mod fuzzing;
 pub mod import;
+pub mod memory;
 pub mod mesh;
+pub mod output;
 pub mod parameterize;
 pub mod pipeline;
 pub mod process;

@@ -1,6 +1,6 @@
 //! Triangle meshes between import and segmentation.
 //!
-//! [`prepare`] is the whole way: [`weld`] finds the vertices, [`duplicates`] what is there twice, [`manifold`] the oriented
+//! [`prepare`] is the whole way: [`weld`] finds the vertices, `t_junction` joins edges that meet along their length, [`duplicates`] finds what is there twice, [`manifold`] the oriented
 //! surface, and [`account`] keeps the books.
 
 pub mod account;
@@ -10,6 +10,7 @@ pub mod duplicates;
 pub mod manifold;
 mod normals;
 mod simplicial;
+mod t_junction;
 pub mod weld;
 
 use crate::error::{ImportError, MAX_TRIANGLES};
@@ -90,6 +91,9 @@ pub fn prepare(mesh: ImportedMesh) -> Result<(ManifoldMesh, Account), ImportErro
         (welded, table) = (better, better_table);
     }
     account.topology = Topology::of(&welded, &table);
+    if t_junction::insert(&mut welded, &table, &mut account) {
+        table = EdgeTable::new(&welded.triangles, welded.positions.len());
+    }
     if duplicates::remove(&mut welded, &table, &mut account) {
         table = EdgeTable::new(&welded.triangles, welded.positions.len());
     }

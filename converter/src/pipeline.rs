@@ -3,8 +3,10 @@
 use crate::atlas::{build, chart_graph, quantize};
 use crate::cluster;
 use crate::error::ImportError;
-use crate::import;
+use crate::import::{self, ImportReport};
+use crate::memory;
 use crate::mesh::{self, ImportedMesh, ManifoldMesh, NONE};
+use crate::output::PendingFile;
 use crate::parameterize::{self, Parametrization};
 use crate::process;
 use crate::quadrangulate::{self, Layout, QuadrangulateError};
@@ -18,6 +20,7 @@ use marquetry_format::{ContentKind, Lattice, Limits, Metadata, writer};
 use rayon::prelude::*;
 use std::io::Write;
 use std::path::{Path, PathBuf};
+use std::sync::{Arc, Mutex};
 use std::time::Instant;
 
 /// Which axis points up.
@@ -41,7 +44,7 @@ pub struct Options {
     pub allow_worse: bool,
     /// Which axis points up.
     pub up: Up,
-    /// Working memory, in bytes, above which a conversion is given up at the end of a stage.
+    /// Ceiling of working memory in bytes; what needs more is refused ([`crate::memory`]).
     pub memory_bytes: u64,
     /// Threads; `None` for all.
     pub threads: Option<usize>,
@@ -65,6 +68,11 @@ pub trait Progress: Sync {
     fn stage(&self, name: &'static str);
     /// How much of the stage is done, 0..=1.
     fn fraction(&self, done: f64);
+    /// The resident set of `used` bytes is about to pass the ceiling. A program that is to keep it ends here: nothing is
+    /// lost, what was written so far is gone already. Where this returns, the conversion fails at the end of the stage.
+    fn over_memory(&self, error: &ConvertError) {
+        let _ = error;
+    }
 }
 
 /// A conversion that failed. Nothing was written under the output's name.
@@ -97,7 +105,7 @@ pub enum ConvertError {
     },
     /// The input needs more memory than it may have.
     #[error(
-        "{path}: needs more than the {} MiB of memory allowed ({} MiB after {stage}); allow more with --memory, \
+        "{path}: needs more than the {} MiB of memory allowed ({} MiB at stage {stage}); allow more with --memory, \
          or ask for less with --error-rel", allowed >> 20, used >> 20
     )]
     Memory {
@@ -107,6 +115,21 @@ pub enum ConvertError {
         stage: &'static str,
         /// Bytes taken.
         used: u64,
+        /// Bytes allowed.
+        allowed: u64,
+    },
+    /// The input is known to need more memory than it may have; none was taken for it.
+    #[error(
+        "{path}: {triangles} triangles need about {} MiB of memory, but only {} MiB are allowed; allow more with --memory, \
+         or simplify or split the input", needed >> 20, allowed >> 20
+    )]
+    TooLarge {
+        /// The input.
+        path: PathBuf,
+        /// Its triangles.
+        triangles: u64,
+        /// Bytes needed.
+        needed: u64,
         /// Bytes allowed.
         allowed: u64,
     },
@@ -208,13 +231,15 @@ fn target_regions(triangles: usize, handles: usize) -> u32 {
 const SPLIT_ROUNDS: u32 = 3;
 
 /// Samples of the measurement of the written file, each way, beside all vertices.
-const MEASURED_SAMPLES: u64 = 200_000;
+const MEASURED_SAMPLES: u64 = 100_000;
 
 struct Stages<'a> {
     progress: &'a dyn Progress,
     reports: Vec<StageReport>,
     started: Instant,
-    running: Option<(&'static str, Instant)>,
+    running: Option<(&'static str, Instant, f64)>,
+    /// Name of the stage that runs, for other threads.
+    name: Arc<Mutex<&'static str>>,
 }
 
 impl<'a> Stages<'a> {
@@ -224,25 +249,35 @@ impl<'a> Stages<'a> {
             reports: Vec::new(),
             started: Instant::now(),
             running: None,
+            name: Arc::new(Mutex::new("start")),
         }
     }
 
     fn begin(&mut self, name: &'static str) {
         self.end();
         self.progress.stage(name);
-        self.running = Some((name, Instant::now()));
+        self.running = Some((name, Instant::now(), process::cpu_seconds()));
+        if let Ok(mut shared) = self.name.lock() {
+            *shared = name;
+        }
+    }
+
+    fn shared_name(&self) -> Arc<Mutex<&'static str>> {
+        Arc::clone(&self.name)
     }
 
     /// The stage that runs, or ran last.
     fn name(&self) -> &'static str {
-        self.running.map_or("start", |(name, _)| name)
+        self.running.map_or("start", |(name, ..)| name)
     }
 
     fn end(&mut self) {
-        if let Some((name, since)) = self.running.take() {
+        if let Some((name, since, cpu)) = self.running.take() {
             self.reports.push(StageReport {
                 name,
                 seconds: since.elapsed().as_secs_f64(),
+                cpu_seconds: process::cpu_seconds() - cpu,
+                peak_rss_bytes: process::peak_rss_bytes(),
             });
         }
     }
@@ -257,11 +292,32 @@ struct Conversion<'a> {
 }
 
 impl Conversion<'_> {
-    fn run(mut self) -> Result<Report, ConvertError> {
-        self.begin("import")?;
-        let (imported, import_report) = import::import(self.input)?;
+    fn run(self) -> Result<Report, ConvertError> {
+        // Now rather than after all the work, lest the output cannot be written.
+        let file = PendingFile::create(self.output).map_err(|source| ConvertError::Output {
+            path: self.output.to_owned(),
+            source,
+        })?;
+        let temporary = file.path().to_owned();
+        let stage = self.stages.shared_name();
+        let (path, allowed, progress) =
+            (self.input, self.options.memory_bytes, self.stages.progress);
+        let over = move |used| {
+            // The process may end here.
+            let _ = std::fs::remove_file(&temporary);
+            progress.over_memory(&ConvertError::Memory {
+                path: path.to_owned(),
+                stage: stage.lock().map_or("start", |name| *name),
+                used,
+                allowed,
+            });
+        };
+        memory::watch(allowed, over, || self.run_watched(file))
+    }
+
+    fn run_watched(mut self, file: PendingFile) -> Result<Report, ConvertError> {
+        let (imported, import_report) = self.import()?;
         let has_colours = !imported.colours.is_empty();
-        self.refuse_non_finite(&imported)?;
         self.begin("manifold")?;
         let (mesh, account) = mesh::prepare(imported).map_err(|e| e.in_file(self.input))?;
         let (min, max) = bounds(&mesh.positions);
@@ -283,7 +339,18 @@ impl Conversion<'_> {
         drop(selection);
 
         self.begin("measure")?;
-        let error = self.judge(&mesh, &atlas, clusters.as_ref(), &lattice, diagonal)?;
+        // What is left to do with the mesh is to measure against it.
+        let ManifoldMesh {
+            positions,
+            triangles,
+            ..
+        } = mesh;
+        let source = distance::Mesh {
+            positions: &positions,
+            triangles: &triangles,
+        };
+        let error = self.judge(source, &atlas, clusters.as_ref(), &lattice, diagonal)?;
+        drop((positions, triangles));
 
         self.begin("write")?;
         let metadata = Metadata {
@@ -305,7 +372,7 @@ impl Conversion<'_> {
                 .unwrap_or_default(),
             generator: concat!("marquetry ", env!("CARGO_PKG_VERSION")).to_owned(),
         };
-        let output = self.write(&metadata, &atlas, clusters.as_ref())?;
+        let output = self.write(file, &metadata, &atlas, clusters.as_ref())?;
         self.stages.end();
         Ok(Report {
             input: InputReport {
@@ -316,6 +383,7 @@ impl Conversion<'_> {
                 components: account.topology.components,
                 boundary_loops: account.topology.boundary_loops,
                 non_manifold_edges: account.topology.non_manifold_edges,
+                t_junctions: account.t_junctions,
             },
             output,
             seconds: self.stages.started.elapsed().as_secs_f64(),
@@ -382,6 +450,31 @@ impl Conversion<'_> {
         ))
     }
 
+    fn import(&mut self) -> Result<(ImportedMesh, ImportReport), ConvertError> {
+        if let Some(triangles) = import::announced_triangles(self.input) {
+            self.refuse_too_large(triangles)?;
+        }
+        self.begin("import")?;
+        let (mesh, report) = import::import(self.input)?;
+        self.refuse_too_large(report.triangles)?;
+        self.refuse_non_finite(&mesh)?;
+        Ok((mesh, report))
+    }
+
+    /// Refuses what is known not to fit before memory is taken for it.
+    fn refuse_too_large(&self, triangles: u64) -> Result<(), ConvertError> {
+        let (needed, allowed) = (memory::estimate(triangles), self.options.memory_bytes);
+        if needed <= allowed {
+            return Ok(());
+        }
+        Err(ConvertError::TooLarge {
+            path: self.input.to_owned(),
+            triangles,
+            needed,
+            allowed,
+        })
+    }
+
     fn refuse_non_finite(&self, mesh: &ImportedMesh) -> Result<(), ConvertError> {
         let mut bad = (0..mesh.positions.len()).filter(|&v| !mesh.positions[v].is_finite());
         match bad.next() {
@@ -397,7 +490,7 @@ impl Conversion<'_> {
     /// Measures the surface that will be written, and refuses it above the target.
     fn judge(
         &self,
-        mesh: &ManifoldMesh,
+        source: distance::Mesh<'_>,
         atlas: &build::Atlas,
         clusters: Option<&cluster::Layer>,
         lattice: &Lattice,
@@ -414,10 +507,7 @@ impl Conversion<'_> {
                 positions: &positions,
                 triangles: &triangles,
             },
-            distance::Mesh {
-                positions: &mesh.positions,
-                triangles: &mesh.triangles,
-            },
+            source,
             MEASURED_SAMPLES,
         )
         .map_err(|source| ConvertError::Measure {
@@ -503,6 +593,7 @@ impl Conversion<'_> {
     /// Writes beside the output, reads back, syncs, renames.
     fn write(
         &self,
+        mut file: PendingFile,
         metadata: &Metadata,
         atlas: &build::Atlas,
         clusters: Option<&cluster::Layer>,
@@ -511,19 +602,13 @@ impl Conversion<'_> {
             path: self.output.to_owned(),
             source,
         };
-        let unreadable = |source| ConvertError::Format {
-            path: self.output.to_owned(),
-            source,
+        let unreadable = |source| match source {
+            marquetry_format::Error::Output(source) => failed(source),
+            source => ConvertError::Format {
+                path: self.output.to_owned(),
+                source,
+            },
         };
-        let folder = match self.output.parent() {
-            Some(parent) if !parent.as_os_str().is_empty() => parent,
-            _ => Path::new("."),
-        };
-        let mut file = tempfile::Builder::new()
-            .prefix(".marquetry-")
-            .suffix(".partial")
-            .tempfile_in(folder)
-            .map_err(failed)?;
         let bytes = {
             let mut out = std::io::BufWriter::new(file.as_file_mut());
             let content = writer::Content {
@@ -538,14 +623,13 @@ impl Conversion<'_> {
         let source = FileSource::open(file.path()).map_err(|e| failed(std::io::Error::other(e)))?;
         let mut document = Document::open(&source, Limits::default()).map_err(unreadable)?;
         document.load_index(&source).map_err(unreadable)?;
-        file.as_file().sync_all().map_err(failed)?;
         let levels = atlas
             .charts
             .iter()
             .map(|c| quantize::finest_resolution(&c.root))
             .max()
             .unwrap_or(0);
-        file.persist(self.output).map_err(|e| failed(e.error))?;
+        file.persist().map_err(failed)?;
         Ok(OutputReport {
             path: self.output.display().to_string(),
             bytes: bytes.total,

@@ -44,6 +44,8 @@ pub struct InputReport {
     pub boundary_loops: usize,
     /// Edges of more than two triangles after welding.
     pub non_manifold_edges: usize,
+    /// Vertices on the inside of border edges (T-junctions), which were joined to them.
+    pub t_junctions: usize,
 }
 
 /// What was written.
@@ -72,6 +74,10 @@ pub struct StageReport {
     pub name: &'static str,
     /// Wall time.
     pub seconds: f64,
+    /// Processor time, of all threads.
+    pub cpu_seconds: f64,
+    /// Largest resident set of the process up to the end of the stage.
+    pub peak_rss_bytes: u64,
 }
 
 /// Geometric error, relative to the diagonal of the input's bounds.

@@ -145,14 +145,15 @@ pub fn measure(first: Mesh<'_>, second: Mesh<'_>, samples: u64) -> Result<Distan
     if first.triangles.is_empty() || second.triangles.is_empty() {
         return Err(MeshError::Empty);
     }
-    let (first_tree, second_tree) = rayon::join(
-        || Bvh::new(first.positions, first.triangles),
-        || Bvh::new(second.positions, second.triangles),
-    );
-    let (first_tree, second_tree) = (first_tree?, second_tree?);
     let samples = samples.max(1);
-    let forward = one_way(first, second, &second_tree, samples);
-    let backward = one_way(second, first, &first_tree, samples);
+    // One tree at a time: it is what takes the memory.
+    let tree = Bvh::new(second.positions, second.triangles)?;
+    check(first)?;
+    let forward = one_way(first, second, &tree, samples);
+    drop(tree);
+    let tree = Bvh::new(first.positions, first.triangles)?;
+    let backward = one_way(second, first, &tree, samples);
+    drop(tree);
 
     let mut angles = forward.angles.clone();
     angles.merge(&backward.angles);
@@ -250,20 +251,27 @@ impl Angles {
     }
 }
 
-fn one_way(from: Mesh<'_>, to: Mesh<'_>, tree: &Bvh, samples: u64) -> Sums {
-    let vertices = used_vertices(from);
-    let vertex_max2 = chunks(vertices.len())
-        .into_par_iter()
-        .map(|range| {
-            let mut near = Coherent::new(tree);
-            vertices[range]
-                .iter()
-                .filter_map(|&p| near.closest(p))
-                .map(|c| c.distance2)
-                .fold(0.0, f64::max)
-        })
-        .reduce(|| 0.0, f64::max);
+/// Refuses indices out of range and coordinates that are not finite.
+fn check(mesh: Mesh<'_>) -> Result<(), MeshError> {
+    for (triangle, corners) in mesh.triangles.iter().enumerate() {
+        for &vertex in corners {
+            match mesh.positions.get(vertex as usize) {
+                Some(position) if position.is_finite() => {}
+                Some(_) => return Err(MeshError::NotFinite { triangle, vertex }),
+                None => {
+                    return Err(MeshError::IndexOutOfRange {
+                        triangle,
+                        vertex,
+                        vertices: mesh.positions.len(),
+                    });
+                }
+            }
+        }
+    }
+    Ok(())
+}
 
+fn one_way(from: Mesh<'_>, to: Mesh<'_>, tree: &Bvh, samples: u64) -> Sums {
     let sampler = AreaSampler::new(from, samples);
     let parts: Vec<Sums> = chunks(sampler.len())
         .into_par_iter()
@@ -286,27 +294,44 @@ fn one_way(from: Mesh<'_>, to: Mesh<'_>, tree: &Bvh, samples: u64) -> Sums {
             sums
         })
         .collect();
-    let mut total = Sums {
-        max2: vertex_max2,
-        ..Sums::default()
-    };
+    drop(sampler);
+    let mut total = Sums::default();
     for part in &parts {
         total.merge(part);
     }
+    total.max2 = farthest_vertex(from, tree, total.max2);
     total
 }
 
-/// Positions of vertices that belong to a triangle: a stray vertex is no part of the surface.
-fn used_vertices(mesh: Mesh<'_>) -> Vec<DVec3> {
+/// The largest squared distance of a vertex, or `max2` if none is farther. All but the few vertices that set a new record
+/// are done with the first triangle found within it.
+fn farthest_vertex(from: Mesh<'_>, tree: &Bvh, max2: f64) -> f64 {
+    let used = used_vertices(from);
+    chunks(used.len())
+        .into_par_iter()
+        .map(|range| {
+            let mut max2 = max2;
+            let mut hint = 0;
+            for v in range.filter(|&v| used[v]) {
+                let point = from.positions[v];
+                if !tree.is_within(point, max2, &mut hint)
+                    && let Some(closest) = tree.closest(point, f64::INFINITY)
+                {
+                    max2 = max2.max(closest.distance2);
+                }
+            }
+            max2
+        })
+        .reduce(|| max2, f64::max)
+}
+
+/// Which vertices belong to a triangle: a stray vertex is no part of the surface.
+fn used_vertices(mesh: Mesh<'_>) -> Vec<bool> {
     let mut used = vec![false; mesh.positions.len()];
     for &vertex in mesh.triangles.iter().flatten() {
         used[vertex as usize] = true;
     }
-    mesh.positions
-        .iter()
-        .zip(used)
-        .filter_map(|(&p, used)| used.then_some(p))
-        .collect()
+    used
 }
 
 fn chunks(len: usize) -> Vec<Range<usize>> {

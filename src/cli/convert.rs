@@ -26,7 +26,7 @@ pub(super) struct Arguments {
     /// When objects come and go (scenes)
     #[arg(long, value_name = "CSV")]
     schedule: Option<PathBuf>,
-    /// Ceiling for working memory, with suffix K, M or G; a conversion that passes it is given up
+    /// Ceiling for working memory, with suffix K, M or G; what needs more is refused
     #[arg(long, value_name = "BYTES", default_value = "4GiB", value_parser = args::bytes)]
     memory: u64,
     /// Which axis of the input points up

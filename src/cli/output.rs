@@ -1,6 +1,7 @@
 //! What a run says, to people and to programs.
 
 use anyhow::Context;
+use marquetry_converter::output::PendingFile;
 use serde::Serialize;
 use std::convert::Infallible;
 use std::io::{self, Write};
@@ -71,38 +72,15 @@ pub(super) fn write_file(
     path: &Path,
     write: impl FnOnce(&mut dyn Write) -> io::Result<()>,
 ) -> anyhow::Result<()> {
-    let folder = match path.parent() {
-        Some(parent) if !parent.as_os_str().is_empty() => parent,
-        _ => Path::new("."),
-    };
     let attempt = || {
-        let mut file = tempfile::Builder::new()
-            .prefix(".marquetry-")
-            .suffix(".partial")
-            .tempfile_in(folder)?;
+        let mut file = PendingFile::create(path)?;
         let mut out = io::BufWriter::new(file.as_file_mut());
         write(&mut out)?;
         out.flush()?;
         drop(out);
-        readable_by_all(file.as_file())?;
-        file.as_file().sync_all()?;
-        file.persist(path).map_err(|error| error.error)?;
-        io::Result::Ok(())
+        file.persist()
     };
     attempt().with_context(|| format!("{}: cannot be written", path.display()))
-}
-
-/// Temporary files are private to their owner; what was asked for is as public as the umask lets it be.
-/// The umask can only be read by changing it, so the usual 022 is taken.
-#[cfg(unix)]
-fn readable_by_all(file: &std::fs::File) -> io::Result<()> {
-    use std::os::unix::fs::PermissionsExt;
-    file.set_permissions(std::fs::Permissions::from_mode(0o644))
-}
-
-#[cfg(not(unix))]
-fn readable_by_all(_: &std::fs::File) -> io::Result<()> {
-    Ok(())
 }
 
 /// A number of bytes, for people.

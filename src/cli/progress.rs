@@ -125,4 +125,11 @@ impl marquetry_converter::pipeline::Progress for Display {
             Self::Nothing => {}
         }
     }
+
+    fn over_memory(&self, error: &marquetry_converter::pipeline::ConvertError) {
+        self.finish();
+        complain(&format!("error: {error}"));
+        // Other threads cannot be stopped in the middle of their work, and every moment takes more.
+        std::process::exit(1);
+    }
 }

@@ -29,6 +29,48 @@ impl Faces {
         self.triangles.push(triangle);
     }
 
+    /// Adds triangles whose indices are known to be in range.
+    pub(super) fn extend_checked(&mut self, triangles: Vec<[u32; 3]>) {
+        if self.triangles.is_empty() {
+            self.triangles = triangles;
+        } else {
+            self.triangles.extend(triangles);
+        }
+    }
+
+    /// The same faces, of vertices that are numbered from `first` on. The caller sees to it that ids do not overflow.
+    pub(super) fn shifted(mut self, first: u32) -> Self {
+        for corner in self.triangles.as_flattened_mut() {
+            *corner += first;
+        }
+        for corner in &mut self.corners {
+            *corner += first;
+        }
+        if let Some((greatest, _)) = &mut self.greatest {
+            *greatest += first;
+        }
+        self
+    }
+
+    /// Adds faces that were read apart from these, after them.
+    pub(super) fn append(&mut self, other: Self) {
+        let (triangles, corners) = (self.triangles.len(), self.corners.len());
+        self.polygons.extend(
+            other
+                .polygons
+                .iter()
+                .map(|&(before, end)| (triangles + before, corners + end)),
+        );
+        self.triangles.extend(other.triangles);
+        self.corners.extend(other.corners);
+        self.short += other.short;
+        if let Some((i, place)) = other.greatest
+            && self.greatest.is_none_or(|(g, _)| i > g)
+        {
+            self.greatest = Some((i, place));
+        }
+    }
+
     /// Adds a face of any number of corners.
     pub(super) fn push(&mut self, face: &[u32], place: Place) {
         if let Ok(triangle) = <[u32; 3]>::try_from(face) {

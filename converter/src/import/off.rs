@@ -3,10 +3,11 @@
 //! The variants `ST`, `C` and `N` in any combination; comments; polygons; colours of vertices. Normals, texture coordinates
 //! and colours of faces are stepped over. Limit: one vertex or face a line, as every writer does; `4OFF`, `nOFF` and the binary form are refused.
 
-use super::text::{integer, lines, number, words};
+use super::text::{count_lines, integer, line_chunks, lines, number, words};
 use super::{Soup, colour};
 use crate::error::{Fault, ParseError, Place};
 use glam::DVec3;
+use rayon::prelude::*;
 
 /// What the keyword says of a vertex line.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
@@ -54,22 +55,32 @@ pub(super) fn has_keyword(bytes: &[u8]) -> bool {
 /// Lines with their comments cut off, without the empty ones.
 fn content(text: &[u8]) -> impl Iterator<Item = (u64, &[u8])> {
     lines(super::detect::without_bom(text))
-        .map(|(number, line)| {
-            (
-                number,
-                line.split(|&b| b == b'#')
-                    .next()
-                    .unwrap_or_default()
-                    .trim_ascii(),
-            )
-        })
+        .map(|(number, line)| (number, stripped(line)))
         .filter(|(_, line)| !line.is_empty())
+}
+
+/// `line` without its comment and the white space around it.
+fn stripped(line: &[u8]) -> &[u8] {
+    line.split(|&b| b == b'#')
+        .next()
+        .unwrap_or_default()
+        .trim_ascii()
+}
+
+/// Faces that the beginning of a file announces.
+pub(super) fn announced_faces(head: &[u8]) -> Option<u64> {
+    let mut lines = content(head).peekable();
+    let (_, _, faces) = parse_header(&mut lines, Place::File).ok()?;
+    Some(faces)
 }
 
 pub(super) fn parse(bytes: &[u8]) -> Result<Soup, ParseError> {
     let end = Place::Byte(bytes.len() as u64);
-    let mut lines = content(bytes).peekable();
-    let (kind, vertices, faces) = parse_header(&mut lines, end)?;
+    let (kind, vertices, faces, body) = {
+        let mut lines = content(bytes).peekable();
+        let (kind, vertices, faces) = parse_header(&mut lines, end)?;
+        (kind, vertices, faces, lines.peek().copied())
+    };
 
     // A vertex takes 6 bytes and a face 2 at least ("0 0 0\n", "0\n").
     let needed = vertices
@@ -81,23 +92,89 @@ pub(super) fn parse(bytes: &[u8]) -> Result<Soup, ParseError> {
         );
         return Err(ParseError::truncated(Place::File, missing));
     }
+    let Some((first_line, first)) = body.filter(|_| vertices + faces > 0) else {
+        return missing(0, vertices, faces, end).map_or(Ok(Soup::default()), Err);
+    };
+    // The text from the first line on; `first` is a part of `bytes`.
+    let from = first.as_ptr().addr() - bytes.as_ptr().addr();
+    let chunks = line_chunks(&bytes[from..]);
+    let counts: Vec<(u64, u64)> = chunks
+        .par_iter()
+        .map(|chunk| {
+            let with_content = lines(chunk).filter(|(_, line)| !stripped(line).is_empty());
+            (count_lines(chunk) as u64, with_content.count() as u64)
+        })
+        .collect();
+    // Line number and record that each piece begins with.
+    let mut before = (first_line, 0);
+    let starts: Vec<(u64, u64)> = counts
+        .iter()
+        .map(|&(lines, records)| {
+            let start = before;
+            before = (before.0 + lines, before.1 + records);
+            start
+        })
+        .collect();
+    let parts: Vec<Soup> = chunks
+        .par_iter()
+        .zip(starts)
+        .map(|(chunk, (line, record))| parse_chunk(chunk, line, record, kind, vertices, faces))
+        .collect::<Vec<_>>()
+        .into_iter()
+        .collect::<Result<_, _>>()?;
+    if let Some(error) = missing(before.1, vertices, faces, end) {
+        return Err(error);
+    }
     let mut soup = Soup::default();
     soup.positions
         .reserve_exact(usize::try_from(vertices).unwrap_or(0));
     soup.faces.reserve(usize::try_from(faces).unwrap_or(0));
-    for i in 0..vertices {
-        let (line_number, line) = lines.next().ok_or_else(|| {
-            ParseError::truncated(end, format!("{i} of {vertices} vertices are there"))
-        })?;
-        parse_vertex(line, Place::Line(line_number), kind, &mut soup)?;
+    for part in parts {
+        soup.positions.extend(part.positions);
+        soup.colours.extend(part.colours);
+        soup.faces.append(part.faces);
     }
+    Ok(soup)
+}
+
+/// What `records` lines leave missing.
+fn missing(records: u64, vertices: u64, faces: u64, end: Place) -> Option<ParseError> {
+    let what = if records < vertices {
+        format!("{records} of {vertices} vertices are there")
+    } else if records - vertices < faces {
+        format!("{} of {faces} faces are there", records - vertices)
+    } else {
+        return None;
+    };
+    Some(ParseError::truncated(end, what))
+}
+
+/// Reads a piece of the body that begins with line `line` and record `record`: vertices come first, then faces.
+fn parse_chunk(
+    chunk: &[u8],
+    line: u64,
+    mut record: u64,
+    kind: Keyword,
+    vertices: u64,
+    faces: u64,
+) -> Result<Soup, ParseError> {
+    let mut soup = Soup::default();
     let mut face = Vec::new();
-    for i in 0..faces {
-        let (line_number, line) = lines
-            .next()
-            .ok_or_else(|| ParseError::truncated(end, format!("{i} of {faces} faces are there")))?;
-        parse_face(line, Place::Line(line_number), vertices, &mut face)?;
-        soup.faces.push(&face, Place::Line(line_number));
+    for (number, text) in lines(chunk) {
+        let text = stripped(text);
+        if text.is_empty() {
+            continue;
+        }
+        let place = Place::Line(line + number - 1);
+        if record < vertices {
+            parse_vertex(text, place, kind, &mut soup)?;
+        } else if record - vertices < faces {
+            parse_face(text, place, vertices, &mut face)?;
+            soup.faces.push(&face, place);
+        } else {
+            break;
+        }
+        record += 1;
     }
     Ok(soup)
 }
@@ -225,6 +302,7 @@ fn parse_face(
 #[cfg(test)]
 mod tests {
     use super::*;
+    use std::fmt::Write;
 
     #[test]
     fn variants_put_colours_after_normals() {
@@ -249,6 +327,43 @@ mod tests {
             let result = parse(text.as_bytes());
             assert_eq!(result.is_ok(), !head.starts_with('C'), "{head}");
         }
+    }
+
+    #[test]
+    fn pieces_join_without_a_seam() {
+        let (n, m) = (30_000_u32, 20_000_u32);
+        let mut text = format!("OFF\n# {n}\n{n} {m} 0\n");
+        for i in 0..n {
+            let comment = if i % 7 == 0 { " # seven\n" } else { "" };
+            writeln!(text, "{i} 0.5 -{i}{comment}").unwrap();
+        }
+        for i in 0..m {
+            if i % 3 == 0 {
+                writeln!(text, "4 {i} {} {} {}", i + 1, i + 2, i + 3).unwrap();
+            } else {
+                write!(text, "3 {i} {} {}\r\n", i + 1, i + 2).unwrap();
+            }
+        }
+        assert!(line_chunks(text.as_bytes()).len() > 2);
+        let soup = parse(text.as_bytes()).unwrap();
+        assert_eq!(soup.positions.len(), n as usize);
+        assert!(
+            (0..n)
+                .zip(&soup.positions)
+                .all(|(i, p)| { *p == DVec3::new(f64::from(i), 0.5, -f64::from(i)) })
+        );
+        let (triangles, _) = soup.faces.triangulate(&soup.positions).unwrap();
+        let mut expected = Vec::new();
+        for i in 0..m {
+            expected.push([i, i + 1, i + 2]);
+            if i % 3 == 0 {
+                expected.push([i, i + 2, i + 3]);
+            }
+        }
+        assert_eq!(triangles, expected);
+        let wrong = text.replace("3 19999 ", "3 x ");
+        let place = parse(wrong.as_bytes()).unwrap_err().place;
+        assert_eq!(place, Place::Line(u64::from(3 + n + n.div_ceil(7) + m)));
     }
 
     #[test]

@@ -4,38 +4,59 @@
 //! `tristrips` lists with −1 between strips; vertex colours (`red`, `green`, `blue`, also with the prefix `diffuse_`). Other elements and
 //! properties are stepped over.
 //!
+//! Records of one shape are read in parallel ([`bulk`]), others one by one.
+//!
 //! Limit: ASCII bodies are read word by word, so line breaks in them carry no meaning.
 
 mod body;
+mod bulk;
 mod header;
 
 use super::{Soup, colour};
 use crate::error::{Fault, ParseError, Place};
 use body::{Ascii, Binary, Body};
+use bulk::Bulk;
 use glam::DVec3;
 use header::{Element, Encoding, Header, Property, Scalar};
 
+/// Records from which on reading in parallel pays.
+const BULK: u64 = 512;
+
 pub(super) fn parse(bytes: &[u8]) -> Result<Soup, ParseError> {
+    parse_from(bytes, BULK)
+}
+
+/// Faces that the header at the beginning of `head` announces.
+pub(super) fn announced_faces(head: &[u8]) -> Option<u64> {
+    let header = Header::parse(head).ok()?;
+    let faces = header.elements.iter().find(|e| e.name == "face")?;
+    Some(faces.count)
+}
+
+/// Reads elements of at least `bulk` records in parallel.
+fn parse_from(bytes: &[u8], bulk: u64) -> Result<Soup, ParseError> {
     let header = Header::parse(bytes)?;
     let start = header.body.min(bytes.len());
     match header.encoding {
         Encoding::Ascii => {
             let mut body = Ascii::new(&bytes[start..], header.body_line);
-            let soup = read(&header, &mut body)?;
+            let soup = read(&header, &mut body, bulk)?;
             body.expect_end()?;
             Ok(soup)
         }
-        Encoding::LittleEndian => read(&header, &mut Binary::<false>::new(bytes, start)),
-        Encoding::BigEndian => read(&header, &mut Binary::<true>::new(bytes, start)),
+        Encoding::LittleEndian => read(&header, &mut Binary::<false>::new(bytes, start), bulk),
+        Encoding::BigEndian => read(&header, &mut Binary::<true>::new(bytes, start), bulk),
     }
 }
 
-fn read(header: &Header, body: &mut impl Body) -> Result<Soup, ParseError> {
+fn read(header: &Header, body: &mut impl Bulk, bulk: u64) -> Result<Soup, ParseError> {
     let mut soup = Soup::default();
     for element in &header.elements {
         bound(element, body)?;
+        let at_once = element.count >= bulk;
         match element.name.as_str() {
-            "vertex" => read_vertices(element, body, &mut soup)?,
+            "vertex" => read_vertices(element, body, &mut soup, at_once)?,
+            "face" if at_once && read_triangles(element, body, &mut soup).is_some() => {}
             "face" => read_faces(element, body, &mut soup)?,
             "tristrips" => read_strips(element, body, &mut soup)?,
             _ => skip(element, body)?,
@@ -78,8 +99,9 @@ fn records(element: &Element) -> u64 {
 
 fn read_vertices(
     element: &Element,
-    body: &mut impl Body,
+    body: &mut impl Bulk,
     soup: &mut Soup,
+    at_once: bool,
 ) -> Result<(), ParseError> {
     let bad = |cause: &str| {
         ParseError::at(
@@ -106,6 +128,24 @@ fn read_vertices(
         return Err(bad("element vertex occurs twice"));
     }
     let count = usize::try_from(records(element)).unwrap_or(usize::MAX);
+    if at_once && let Some((columns, starts)) = bulk::shape(element, body) {
+        let position =
+            |values: &[f64]| DVec3::new(values[starts[x]], values[starts[y]], values[starts[z]]);
+        let done = if let Some(rgb) = rgb {
+            let scalar = element.properties[rgb[0]].scalar;
+            let rows = body.rows(count, &columns, |values| {
+                let colour = read_colour(rgb.map(|i| values[starts[i]]), scalar);
+                Some((position(values), colour))
+            });
+            rows.map(|rows| (soup.positions, soup.colours) = rows.into_iter().unzip())
+        } else {
+            let rows = body.rows(count, &columns, |values| Some(position(values)));
+            rows.map(|rows| soup.positions = rows)
+        };
+        if done.is_some() {
+            return Ok(());
+        }
+    }
     soup.positions.reserve_exact(count);
     soup.colours
         .reserve_exact(if rgb.is_some() { count } else { 0 });
@@ -211,6 +251,38 @@ fn read_faces(element: &Element, body: &mut impl Body, soup: &mut Soup) -> Resul
         soup.faces.push(&face, place);
         Ok(())
     })
+}
+
+/// Reads the faces in parallel if all are triangles of known vertices; else reads nothing.
+fn read_triangles(element: &Element, body: &mut impl Bulk, soup: &mut Soup) -> Option<()> {
+    let (columns, starts) = bulk::shape(element, body)?;
+    let corners = corner_list(element).ok()?;
+    let first = starts[corners];
+    let length = starts.get(corners + 1).map_or(columns.len(), |&next| {
+        next - usize::from(element.properties[corners + 1].list.is_some())
+    }) - first;
+    if length != 3 {
+        return None;
+    }
+    let vertices = soup.positions.len() as f64;
+    let triangles = body.rows(usize::try_from(element.count).ok()?, &columns, |values| {
+        let mut triangle = [0; 3];
+        for (corner, &index) in triangle.iter_mut().zip(&values[first..first + 3]) {
+            if !(index >= 0.0 && index < vertices && index.fract() == 0.0) {
+                return None;
+            }
+            #[expect(
+                clippy::cast_possible_truncation,
+                clippy::cast_sign_loss,
+                reason = "checked: an integer below the number of vertices; of more than 32 bits can number, `finish` tells"
+            )]
+            let index = index as u32;
+            *corner = index;
+        }
+        Some(triangle)
+    })?;
+    soup.faces.extend_checked(triangles);
+    Some(())
 }
 
 fn read_strips(element: &Element, body: &mut impl Body, soup: &mut Soup) -> Result<(), ParseError> {

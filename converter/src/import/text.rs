@@ -24,6 +24,17 @@ impl<'a> Words<'a> {
         self.rest.len() as u64
     }
 
+    /// What is left.
+    pub(super) fn rest(&self) -> &'a [u8] {
+        self.rest
+    }
+
+    /// Steps over `length` bytes, in which `lines` lines end.
+    pub(super) fn skip_lines(&mut self, length: usize, lines: u64) {
+        self.rest = self.rest.get(length..).unwrap_or_default();
+        self.line += lines;
+    }
+
     /// Moves to the next word, across lines, so that [`Self::place`] is its line.
     pub(super) fn skip_space(&mut self) {
         let line = &mut self.line;
@@ -74,6 +85,32 @@ pub(super) fn lines(text: &[u8]) -> impl Iterator<Item = (u64, &[u8])> {
     // Old Mac files have `\r` alone; elsewhere `\r` is trimmed as white space.
     let end = if text.contains(&b'\n') { b'\n' } else { b'\r' };
     (1..).zip(text.split(move |&b| b == end))
+}
+
+/// `text` in pieces that end with a line and can be read independently of one another. A line longer than a piece stays whole.
+pub(super) fn line_chunks(text: &[u8]) -> Vec<&[u8]> {
+    /// Bytes; does not depend on the number of threads.
+    const SIZE: usize = 1 << 18;
+    let mut rest = text;
+    let mut chunks = Vec::with_capacity(text.len() / SIZE + 1);
+    while rest.len() > SIZE {
+        let end = rest[SIZE..]
+            .iter()
+            .position(|&b| b == b'\n')
+            .map_or(rest.len(), |i| SIZE + i + 1);
+        let (chunk, tail) = rest.split_at(end);
+        chunks.push(chunk);
+        rest = tail;
+    }
+    if !rest.is_empty() {
+        chunks.push(rest);
+    }
+    chunks
+}
+
+/// Line ends in `text`.
+pub(super) fn count_lines(text: &[u8]) -> usize {
+    text.iter().map(|&b| usize::from(b == b'\n')).sum()
 }
 
 pub(super) fn words(line: &[u8]) -> impl Iterator<Item = &[u8]> {

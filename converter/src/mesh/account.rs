@@ -80,6 +80,10 @@ pub struct Account {
     pub kept: Tally,
     /// What was left out, by reason (index: [`Reason`] in order).
     lost: [Tally; 5],
+    /// Vertices put into edges that they lie on.
+    pub t_junctions: usize,
+    /// Area by which triangles grew (shrank, below 0) that took in vertices not exactly on their edges.
+    pub gained_area: f64,
     /// Triangles that subdivision added to the kept ones.
     pub added_triangles: usize,
     /// Edges that were halved so that no two edges have the same ends.
@@ -146,7 +150,8 @@ impl Account {
         } else {
             1e-9
         };
-        let out = self.kept.area + self.lost.iter().map(|t| t.area).sum::<f64>();
+        let lost: f64 = self.lost.iter().map(|t| t.area).sum();
+        let out = self.kept.area + lost - self.gained_area;
         if (self.imported.area - out).abs() > allowed * self.imported.area {
             return Err(format!(
                 "an area of {} came in, but {out} is accounted for",

@@ -10,12 +10,13 @@
 //! 5. Edges with the same ends are told apart by halving them ([`ManifoldMesh`] is a simplicial complex).
 //!
 //! Limits: the cut of a non-orientable surface is some curve, not the shortest. The inner shell of a hollow body is turned
-//! outward like any other. Vertices on the inside of an edge (T-junctions) are not joined to it.
+//! outward like any other.
 
 use super::account::Account;
 use super::adjacency::{EdgeTable, UnionFind, apex, end, id, label, next, previous, start};
 use super::{ManifoldMesh, NONE, WeldedMesh, normals, simplicial};
 use glam::DVec3;
+use rayon::prelude::*;
 
 /// Makes an oriented manifold of `mesh`, whose edges are in `table`; what had to be cut is put into `account`.
 pub fn manifold(mesh: WeldedMesh, table: &EdgeTable, account: &mut Account) -> ManifoldMesh {
@@ -51,7 +52,7 @@ pub fn manifold(mesh: WeldedMesh, table: &EdgeTable, account: &mut Account) -> M
     if ambiguous {
         let before = mesh.triangles.len();
         account.split_edges = simplicial::make_simplicial(&mut mesh, id(welded));
-        account.added_triangles = mesh.triangles.len() - before;
+        account.added_triangles += mesh.triangles.len() - before;
     }
     mesh.normals = normals::vertex_normals(&mesh);
     mesh
@@ -80,6 +81,13 @@ fn two_face_twins(triangles: &[[u32; 3]], table: &EdgeTable) -> (Vec<u32>, bool)
 fn orient(triangles: &[[u32; 3]], twins: &mut [u32]) -> (Vec<bool>, usize) {
     let n = triangles.len();
     let mut turned = vec![false; n];
+    // The usual case needs no search.
+    let agrees = |(h, &twin): (usize, &u32)| {
+        twin == NONE || start(triangles, id(h)) != start(triangles, twin)
+    };
+    if twins.par_iter().enumerate().all(agrees) {
+        return (turned, 0);
+    }
     let mut reached = vec![false; n];
     let mut patch: Vec<u32> = Vec::with_capacity(n);
     let mut cuts = 0;

@@ -4,7 +4,6 @@
 //! frame that is moved to the model's centre and scaled by a power of two, so a model far from the origin, tiny
 //! or huge loses nothing; triangles stay `f64`. Building: [`build`].
 //!
-//! Wald, Boulos & Shirley, "Ray Tracing Deformable Scenes Using Dynamic Bounding Volume Hierarchies", 2007.
 //! Limit: where two triangles are equally near, which of them is reported is fixed but arbitrary.
 
 mod build;
@@ -190,6 +189,46 @@ impl Bvh {
                 }
             };
         }
+    }
+
+    /// Whether some triangle is no farther from `point` than the root of `max_distance2`.
+    ///
+    /// `hint` is looked at first, and set to what was found: keep it from one point to the next that is near it. Start with any.
+    pub fn is_within(&self, point: DVec3, max_distance2: f64, hint: &mut u32) -> bool {
+        if self.nodes.is_empty() || !point.is_finite() {
+            return false;
+        }
+        let near = |slot: u32| {
+            closest_point(self.corners(slot), point).distance_squared(point) <= max_distance2
+        };
+        if (*hint as usize) < self.triangles.len() && near(*hint) {
+            return true;
+        }
+        let in_frame = self.frame.apply(point);
+        let bound2 = max_distance2 * self.frame.scale * self.frame.scale * SLACK;
+        let mut stack = [0_u32; STACK];
+        let mut depth = 1;
+        while depth > 0 {
+            depth -= 1;
+            let node = &self.nodes[stack[depth] as usize];
+            let distance2 = node.distance2(in_frame);
+            let first = usize::from(distance2[1] < distance2[0]);
+            // The nearer child is put on the stack last.
+            for child in [1 - first, first] {
+                if distance2[child] > bound2 {
+                    continue;
+                }
+                let (from, count) = (node.first[child], node.count[child]);
+                if count == 0 {
+                    stack[depth] = from;
+                    depth += 1;
+                } else if let Some(slot) = (from..from + count).find(|&slot| near(slot)) {
+                    *hint = slot;
+                    return true;
+                }
+            }
+        }
+        false
     }
 
     /// Whether any triangle, seen from either side, meets the segment from `start` to `end`.

@@ -101,6 +101,10 @@ fn tree_finds_what_brute_force_finds() {
             let closest = tree.closest(point, f64::INFINITY).unwrap();
             let expected = brute_force(&positions, &triangles, point);
             assert_eq!(closest.distance2.to_bits(), expected.to_bits());
+            let mut hint = u32::MAX;
+            assert!(tree.is_within(point, expected, &mut hint));
+            assert!(tree.is_within(point, expected, &mut hint));
+            assert!(!tree.is_within(point, expected.next_down(), &mut hint));
             let mesh = Mesh {
                 positions: &positions,
                 triangles: &triangles,

@@ -72,6 +72,29 @@ pub(super) trait Body {
     }
 }
 
+/// The number in `bytes`, which are as many as `scalar` takes.
+#[inline]
+pub(super) fn decode<const BIG_ENDIAN: bool>(scalar: Scalar, bytes: &[u8]) -> Option<f64> {
+    fn array<const BIG_ENDIAN: bool, const N: usize>(bytes: &[u8]) -> Option<[u8; N]> {
+        let mut bytes: [u8; N] = bytes.try_into().ok()?;
+        if BIG_ENDIAN {
+            bytes.reverse();
+        }
+        Some(bytes)
+    }
+    Some(match scalar {
+        Scalar::I8 => i8::from_le_bytes(array::<BIG_ENDIAN, 1>(bytes)?).into(),
+        Scalar::U8 => u8::from_le_bytes(array::<BIG_ENDIAN, 1>(bytes)?).into(),
+        Scalar::I16 => i16::from_le_bytes(array::<BIG_ENDIAN, 2>(bytes)?).into(),
+        Scalar::U16 => u16::from_le_bytes(array::<BIG_ENDIAN, 2>(bytes)?).into(),
+        Scalar::I32 => i32::from_le_bytes(array::<BIG_ENDIAN, 4>(bytes)?).into(),
+        Scalar::U32 => u32::from_le_bytes(array::<BIG_ENDIAN, 4>(bytes)?).into(),
+        Scalar::F32 => f32::from_le_bytes(array::<BIG_ENDIAN, 4>(bytes)?).into(),
+        Scalar::F64 => f64::from_le_bytes(array::<BIG_ENDIAN, 8>(bytes)?),
+    })
+}
+
+#[derive(Clone)]
 pub(super) struct Ascii<'a> {
     words: Words<'a>,
 }
@@ -81,6 +104,19 @@ impl<'a> Ascii<'a> {
         Self {
             words: Words::new(text, line),
         }
+    }
+
+    /// What is left, from the next word on.
+    pub(super) fn next_words(&self) -> &'a [u8] {
+        let mut words = self.words.clone();
+        words.skip_space();
+        words.rest()
+    }
+
+    /// Steps over `length` bytes of what [`Self::next_words`] gives, which are `lines` lines.
+    pub(super) fn skip(&mut self, length: usize, lines: u64) {
+        self.words.skip_space();
+        self.words.skip_lines(length, lines);
     }
 
     /// Words left over mean that some record had more than its properties.
@@ -127,6 +163,7 @@ impl Body for Ascii<'_> {
     }
 }
 
+#[derive(Clone)]
 pub(super) struct Binary<'a, const BIG_ENDIAN: bool> {
     file: &'a [u8],
     at: usize,
@@ -137,40 +174,32 @@ impl<'a, const BIG_ENDIAN: bool> Binary<'a, BIG_ENDIAN> {
         Self { file, at }
     }
 
-    #[inline]
-    fn take<const N: usize>(&mut self) -> Result<[u8; N], ParseError> {
-        let Some(bytes) = self
-            .file
-            .get(self.at..)
-            .and_then(|rest| rest.first_chunk::<N>())
-        else {
-            return Err(ParseError::truncated(
-                self.place(),
-                "elements that the header announces are missing",
-            ));
-        };
-        self.at += N;
-        let mut bytes = *bytes;
-        if BIG_ENDIAN {
-            bytes.reverse();
-        }
-        Ok(bytes)
+    /// Bytes not yet read.
+    pub(super) fn rest(&self) -> &'a [u8] {
+        self.file.get(self.at..).unwrap_or_default()
+    }
+
+    /// Steps over bytes of [`Self::rest`].
+    pub(super) fn skip(&mut self, length: usize) {
+        self.at += length;
     }
 }
 
 impl<const BIG_ENDIAN: bool> Body for Binary<'_, BIG_ENDIAN> {
     #[inline]
     fn scalar(&mut self, scalar: Scalar) -> Result<f64, ParseError> {
-        Ok(match scalar {
-            Scalar::I8 => i8::from_le_bytes(self.take()?).into(),
-            Scalar::U8 => u8::from_le_bytes(self.take()?).into(),
-            Scalar::I16 => i16::from_le_bytes(self.take()?).into(),
-            Scalar::U16 => u16::from_le_bytes(self.take()?).into(),
-            Scalar::I32 => i32::from_le_bytes(self.take()?).into(),
-            Scalar::U32 => u32::from_le_bytes(self.take()?).into(),
-            Scalar::F32 => f32::from_le_bytes(self.take()?).into(),
-            Scalar::F64 => f64::from_le_bytes(self.take()?),
-        })
+        let value = self
+            .rest()
+            .get(..scalar.size())
+            .and_then(|bytes| decode::<BIG_ENDIAN>(scalar, bytes))
+            .ok_or_else(|| {
+                ParseError::truncated(
+                    self.place(),
+                    "elements that the header announces are missing",
+                )
+            })?;
+        self.at += scalar.size();
+        Ok(value)
     }
 
     fn place(&self) -> Place {

@@ -178,3 +178,143 @@ fn faults_name_their_place() {
         assert_eq!(error.place, place, "{to:?}: {message}");
     }
 }
+
+/// A file of `count` vertices and faces with more properties than needed; `number` writes one value.
+fn regular(
+    format: &str,
+    count: u32,
+    mut record: impl FnMut(&mut Vec<u8>, &[(char, f64)]),
+) -> Vec<u8> {
+    let mut file = format!(
+        "ply\nformat {format} 1.0\nelement vertex {count}\nproperty float x\nproperty double y\nproperty float z\n\
+         property uchar red\nproperty uchar green\nproperty uchar blue\nelement face {count}\nproperty short flags\n\
+         property list uchar int vertex_indices\nproperty list uchar float texcoord\nend_header\n"
+    )
+    .into_bytes();
+    for i in 0..count {
+        let c = f64::from(i % 256);
+        record(
+            &mut file,
+            &[
+                ('f', 0.5 * c),
+                ('d', -c),
+                ('f', 3.0),
+                ('b', c),
+                ('b', 7.0),
+                ('b', 255.0 - c),
+            ],
+        );
+    }
+    for i in 0..count {
+        let corner = |k: u32| ('i', f64::from((i + k) % count));
+        record(
+            &mut file,
+            &[
+                ('s', -3.0),
+                ('b', 3.0),
+                corner(0),
+                corner(1),
+                corner(2),
+                ('b', 2.0),
+                ('f', 0.25),
+                ('f', 0.75),
+            ],
+        );
+    }
+    file
+}
+
+#[expect(
+    clippy::cast_possible_truncation,
+    clippy::cast_sign_loss,
+    reason = "small integers"
+)]
+fn put_binary<const BIG_ENDIAN: bool>(file: &mut Vec<u8>, values: &[(char, f64)]) {
+    for &(kind, value) in values {
+        let mut bytes = match kind {
+            'b' => vec![value as u8],
+            's' => (value as i16).to_le_bytes().to_vec(),
+            'i' => (value as i32).to_le_bytes().to_vec(),
+            'f' => (value as f32).to_le_bytes().to_vec(),
+            _ => value.to_le_bytes().to_vec(),
+        };
+        if BIG_ENDIAN {
+            bytes.reverse();
+        }
+        file.extend(bytes);
+    }
+}
+
+fn put_text(file: &mut Vec<u8>, values: &[(char, f64)]) {
+    let words: Vec<String> = values.iter().map(|(_, v)| v.to_string()).collect();
+    file.extend(words.join(" ").bytes());
+    file.push(b'\n');
+}
+
+/// Reading in parallel and value by value give the same, faults included.
+fn assert_bulk_is_the_same(bytes: &[u8]) {
+    let read = |bulk| {
+        let soup = parse_from(bytes, bulk)?;
+        let (triangles, _) = soup.faces.triangulate(&soup.positions)?;
+        let bits: Vec<_> = soup
+            .positions
+            .iter()
+            .map(|p| p.to_array().map(f64::to_bits))
+            .collect();
+        Ok::<_, ParseError>((bits, soup.colours, triangles))
+    };
+    assert_eq!(read(0), read(u64::MAX));
+}
+
+#[test]
+fn bulk_reading_takes_regular_files() {
+    for bytes in [
+        regular("ascii", 300, put_text),
+        regular("binary_little_endian", 300, put_binary::<false>),
+        regular("binary_big_endian", 300, put_binary::<true>),
+    ] {
+        assert_bulk_is_the_same(&bytes);
+        let soup = parse_from(&bytes, 0).unwrap();
+        assert_eq!(
+            (soup.positions.len(), soup.colours.len(), soup.faces.len()),
+            (300, 300, 300)
+        );
+        assert_eq!(soup.positions[299], DVec3::new(21.5, -43.0, 3.0));
+    }
+}
+
+#[test]
+fn bulk_reading_leaves_irregular_files_alone() {
+    let text = String::from_utf8(regular("ascii", 40, put_text)).unwrap();
+    let body = text.find("end_header\n").unwrap() + "end_header\n".len();
+    for (from, to) in [
+        ("-3 3 1 2 3 ", "-3 4 1 2 3 0 "),
+        ("-3 3 1 2 3 ", "-3 2 1 2 "),
+        ("-3 3 1 2 3 ", "-3 3 1 2 99 "),
+        ("-3 3 1 2 3 ", "-3 3 1 2 -1 "),
+        ("-3 3 1 2 3 ", "-3 3 1\n2 3 "),
+        ("-3 3 1 2 3 ", "\n-3 3 1 2 3 "),
+        ("-3 3 1 2 3 ", "-3 3 1 two 3 "),
+        ("-3 3 1 2 3 ", ""),
+        ("-20 3 ", "-20 nan "),
+        ("\n", "\r\n"),
+        ("\n", " "),
+    ] {
+        let changed = format!("{}{}", &text[..body], text[body..].replace(from, to));
+        assert_ne!(changed, text);
+        assert_bulk_is_the_same(changed.as_bytes());
+    }
+    for end in body..text.len() {
+        assert_bulk_is_the_same(&text.as_bytes()[..end]);
+    }
+    let binary = regular("binary_little_endian", 5, put_binary::<false>);
+    let body = binary.len() - 5 * (23 + 25);
+    for at in body..binary.len() {
+        for value in [0, 1, 4, 255] {
+            let mut changed = binary.clone();
+            changed[at] = value;
+            assert_bulk_is_the_same(&changed);
+        }
+        assert_bulk_is_the_same(&binary[..at]);
+    }
+}

@@ -1,0 +1,82 @@
+//! The ceiling of working memory.
+//!
+//! Three checks hold it. Before anything is read, what the file announces is weighed ([`estimate`]); after import, what is
+//! there; and while a conversion runs, a thread of its own watches the resident set and has the process ended shortly
+//! before it would pass the ceiling ([`watch`]).
+//!
+//! Limits: nothing is moved to disk, so what does not fit is refused. Where the system does not tell the resident set, the
+//! last check is missing.
+
+use crate::process;
+use std::sync::mpsc::{RecvTimeoutError, channel};
+use std::time::Duration;
+
+/// Bytes that a conversion takes whatever its input: code, threads, tables.
+const BASE: u64 = 24 << 20;
+/// Bytes a triangle at the peak of a conversion. Measured with `marquetry convert --json -` (`peak_rss_bytes` over
+/// `input.triangles`), see ARCHITECTURE.md; below what the dearest inputs take, so that nothing is refused that fits.
+const BYTES_PER_TRIANGLE: u64 = 300;
+/// How often the resident set is looked at.
+const INTERVAL: Duration = Duration::from_millis(10);
+/// The part of the ceiling that is left free for what is taken between two looks: a 32nd.
+const RESERVE: u64 = 32;
+
+/// Bytes that a mesh of so many triangles needs at least, as far as can be told beforehand.
+pub fn estimate(triangles: u64) -> u64 {
+    triangles
+        .saturating_mul(BYTES_PER_TRIANGLE)
+        .saturating_add(BASE)
+}
+
+/// Runs `work`; whenever the resident set comes near `ceiling` (bytes) meanwhile, `over` is called with its size.
+pub fn watch<T>(ceiling: u64, over: impl Fn(u64) + Send, work: impl FnOnce() -> T) -> T {
+    let limit = ceiling - ceiling / RESERVE;
+    let (done, wait) = channel::<()>();
+    std::thread::scope(|scope| {
+        let watcher = std::thread::Builder::new().name("memory".to_owned());
+        let watcher = watcher.spawn_scoped(scope, move || {
+            while wait.recv_timeout(INTERVAL) == Err(RecvTimeoutError::Timeout) {
+                let used = process::rss_bytes();
+                if used > limit {
+                    over(used);
+                }
+            }
+        });
+        if let Err(error) = watcher {
+            tracing::warn!(%error, "memory is not watched");
+        }
+        let result = work();
+        drop(done);
+        result
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::sync::atomic::{AtomicU64, Ordering};
+
+    #[test]
+    fn passing_the_ceiling_is_noticed() {
+        let seen = AtomicU64::new(0);
+        let over = |used| {
+            seen.fetch_max(used, Ordering::Relaxed);
+        };
+        let ceiling = process::rss_bytes() + (64 << 20);
+        let bytes = watch(ceiling, over, || {
+            let bytes = vec![1_u8; 128 << 20];
+            while seen.load(Ordering::Relaxed) == 0 && process::rss_bytes() > 0 {
+                std::thread::yield_now();
+            }
+            bytes
+        });
+        assert!(bytes.iter().all(|&b| b == 1));
+        assert!(process::rss_bytes() == 0 || seen.into_inner() > ceiling);
+    }
+
+    #[test]
+    fn estimates_do_not_overflow() {
+        assert_eq!(estimate(u64::MAX), u64::MAX);
+        assert!(estimate(0) < 1 << 30);
+    }
+}

@@ -1,0 +1,170 @@
+//! What numbers can do to a mesh. Beside each case stands what must come of it: the mesh converts within its error and
+//! verifies, or it is refused with a message that says why.
+
+#![expect(clippy::unwrap_used, reason = "a test that cannot go on ends here")]
+
+mod support;
+
+use glam::DVec3;
+use marquetry_converter::pipeline::{ConvertError, Options};
+use marquetry_converter::report::Report;
+use support::{Model, convert_model, sheet, torus};
+
+fn options(error_rel: f64) -> Options {
+    Options {
+        error_rel,
+        ..Options::default()
+    }
+}
+
+fn converts(model: &Model) -> Report {
+    convert_model(model, &options(1e-3)).unwrap_or_else(|e| panic!("{e}"))
+}
+
+fn refused(model: &Model) -> ConvertError {
+    convert_model(model, &options(1e-3)).unwrap_err()
+}
+
+/// Refused, naming the vertex; with `--allow-worse` the triangles at it are left out, with the reason.
+#[test]
+fn a_vertex_that_is_not_finite() {
+    for bad in [f64::NAN, f64::INFINITY, f64::NEG_INFINITY] {
+        for axis in 0..3 {
+            let mut model = torus(32, 16);
+            model.positions[77][axis] = bad;
+            let message = refused(&model).to_string();
+            assert!(
+                message.contains("vertex 77") && message.contains("not finite"),
+                "{message}"
+            );
+            let allowed = Options {
+                allow_worse: true,
+                ..options(1e-3)
+            };
+            let report = convert_model(&model, &allowed).unwrap();
+            assert_eq!(report.lost.triangles, 6);
+            assert_eq!(report.lost.reason, ["6: a corner is not finite"]);
+            assert_eq!(report.input.boundary_loops, 1);
+        }
+    }
+}
+
+/// Refused: there is no surface.
+#[test]
+fn nothing_finite() {
+    let model = torus(8, 8).map(|_| DVec3::NAN);
+    let message = refused(&model).to_string();
+    assert!(message.contains("finite"), "{message}");
+}
+
+/// Converts, all triangles kept: a sliver is a part of the surface like any other.
+#[test]
+fn slivers_of_a_million_to_one() {
+    let mut model = torus(40, 20);
+    for t in (0..model.triangles.len()).step_by(5) {
+        let [a, b, c] = model.triangles[t];
+        let [p, q, r] = [a, b, c].map(|v| model.positions[v as usize]);
+        let middle = p.midpoint(q);
+        let m = u32::try_from(model.positions.len()).unwrap();
+        model.positions.push(middle + (r - middle) * 1e-6);
+        model.triangles[t] = [a, b, m];
+        model.triangles.extend([[b, c, m], [c, a, m]]);
+    }
+    let report = converts(&model);
+    assert_eq!((report.lost.triangles, report.input.boundary_loops), (0, 0));
+    // The whole of it drawn out.
+    let report =
+        converts(&sheet(24, |x, y| (3.0 * x).sin() * y).map(|p| p * DVec3::new(1e6, 1.0, 1.0)));
+    assert_eq!(report.lost.triangles, 0);
+}
+
+/// Converts, all triangles kept: triangles without area hold the surface together.
+#[test]
+fn collinear_triangles_within_a_surface() {
+    let mut model = torus(40, 20);
+    for t in (0..model.triangles.len()).step_by(7) {
+        let [a, b, c] = model.triangles[t];
+        let m = u32::try_from(model.positions.len()).unwrap();
+        let [p, q] = [a, b].map(|v| model.positions[v as usize]);
+        model.positions.push(p.midpoint(q));
+        model.triangles[t] = [a, m, c];
+        model.triangles.extend([[m, b, c], [a, b, m]]);
+    }
+    let report = converts(&model);
+    assert_eq!((report.lost.triangles, report.input.boundary_loops), (0, 0));
+}
+
+/// Converts or is refused because there is no area; in no case does it end in anything else.
+#[test]
+fn nothing_but_collinear_triangles() {
+    for model in [
+        sheet(6, |_, _| 0.0).map(|p| DVec3::X * (p.x + 7.0 * p.y)),
+        sheet(6, |_, _| 0.0).map(|p| DVec3::ONE * (p.x + 0.1 * p.y)),
+    ] {
+        match convert_model(&model, &options(1e-3)) {
+            Ok(report) => assert_eq!(report.lost.triangles, 0),
+            Err(error) => {
+                let message = error.to_string();
+                assert!(message.contains("model.ply"), "{message}");
+            }
+        }
+    }
+}
+
+/// Converts, at an error that is rounding alone; also where the plane is perpendicular to an axis.
+#[test]
+fn coplanar_triangles_and_a_flat_axis() {
+    let flat = sheet(30, |_, _| 0.0);
+    for turn in [
+        |p: DVec3| p,
+        |p: DVec3| DVec3::new(p.z, p.x, p.y),
+        |p: DVec3| DVec3::new(p.y, p.z, p.x),
+        |p: DVec3| p + DVec3::Z * (0.3 * p.x - 0.7 * p.y),
+        |p: DVec3| p + DVec3::Z * 5.0,
+    ] {
+        let report = converts(&flat.map(turn));
+        assert_eq!(report.lost.triangles, 0);
+        assert!(report.error.rms_rel < 1e-3, "{report:?}");
+    }
+}
+
+/// The same result up to rounding: as many charts, the same error of the same size.
+#[test]
+fn results_do_not_depend_on_units_or_place() {
+    let model = torus(64, 32);
+    let reference = converts(&model);
+    let close = |report: &Report, what: &str, tolerance: f64| {
+        let (a, b) = (&report.output, &reference.output);
+        assert_eq!((a.charts, a.levels), (b.charts, b.levels), "{what}");
+        for (a, b) in [
+            (report.error.rms_rel, reference.error.rms_rel),
+            (report.error.max_rel, reference.error.max_rel),
+            (a.bytes as f64, b.bytes as f64),
+            (a.samples as f64, b.samples as f64),
+        ] {
+            assert!((a - b).abs() <= tolerance * b, "{what}: {a} instead of {b}");
+        }
+    };
+    // Powers of two change nothing at all but the lattice's frame.
+    for scale in [
+        2_f64.powi(-10),
+        2_f64.powi(10),
+        2_f64.powi(60),
+        2_f64.powi(-60),
+    ] {
+        close(
+            &converts(&model.map(|p| p * scale)),
+            &format!("times {scale}"),
+            1e-2,
+        );
+    }
+    for scale in [1e-3, 1e3, 1e20, 1e-20] {
+        close(
+            &converts(&model.map(|p| p * scale)),
+            &format!("times {scale}"),
+            0.05,
+        );
+    }
+    let moved = |p: DVec3| p + DVec3::new(1e7, -1e7, 1e7);
+    close(&converts(&model.map(moved)), "moved by 1e7", 0.05);
+}

@@ -4,6 +4,8 @@ pub mod build;
 pub mod chart_graph;
 pub mod colour;
 pub mod depth;
+pub(crate) mod leaves;
 pub mod patch;
 pub mod quantize;
 pub mod summary;
+pub(crate) mod survey;

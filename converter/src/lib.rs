@@ -3,6 +3,7 @@
 pub mod atlas;
 pub mod cluster;
 pub mod error;
+mod fit;
 #[cfg(any(test, feature = "fuzzing"))]
 pub mod fuzzing;
 pub mod import;

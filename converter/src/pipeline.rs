@@ -10,7 +10,7 @@ use crate::output::PendingFile;
 use crate::parameterize::{self, Parametrization};
 use crate::process;
 use crate::quadrangulate::{self, Layout, QuadrangulateError};
-use crate::report::{ErrorReport, InputReport, Lost, Merged, OutputReport, Report, StageReport};
+use crate::report::{ErrorReport, FitReport, InputReport, Lost, Merged, OutputReport, Report, StageReport};
 use crate::segment::{self, Segmentation};
 use glam::DVec3;
 use marquetry_evaluation::distance;
@@ -392,6 +392,10 @@ impl Conversion<'_> {
             peak_rss_bytes: process::peak_rss_bytes(),
             threads: self.threads,
             error,
+            fit: FitReport {
+                points: atlas.points,
+                kept: atlas.kept,
+            },
             lost: Lost::of(&account),
             merged: Merged::of(&account),
         })
@@ -406,11 +410,7 @@ impl Conversion<'_> {
         colours: bool,
     ) -> Result<build::Atlas, ConvertError> {
         if mesh.triangles.is_empty() {
-            return Ok(build::Atlas {
-                charts: Vec::new(),
-                max_error: 0.0,
-                samples: 0,
-            });
+            return Ok(build::Atlas::default());
         }
         self.begin("segment")?;
         let segmentation =

@@ -21,7 +21,18 @@ pub struct Report {
     pub threads: usize,
     /// Geometric error.
     pub error: ErrorReport,
-    /// Input that is not in the output.
+    /// The fit of samples to the source.
+    pub fit: FitReport,
+    /// The least-squares fit of the finest surface's samples.
+#[derive(Debug, Clone, serde::Serialize)]
+pub struct FitReport {
+    /// Samples of the finest surface, those shared by leaves counted once.
+    pub points: u64,
+    /// Those of them that the fit would have made worse, and that stay where the source was sampled.
+    pub kept: u64,
+}
+
+/// Input that is not in the output.
     pub lost: Lost,
     /// Input that repeats other input.
     pub merged: Merged,
@@ -91,6 +102,15 @@ pub struct ErrorReport {
     pub rms_rel: f64,
     /// Hausdorff distance, measured at all vertices and many samples: what `max_rel` bounds.
     pub hausdorff_rel: f64,
+}
+
+/// The least-squares fit of the finest surface's samples.
+#[derive(Debug, Clone, serde::Serialize)]
+pub struct FitReport {
+    /// Samples of the finest surface, those shared by leaves counted once.
+    pub points: u64,
+    /// Those of them that the fit would have made worse, and that stay where the source was sampled.
+    pub kept: u64,
 }
 
 /// Input that is not in the output.

@@ -14,6 +14,7 @@ mod borders;
 mod errors;
 mod locate;
 mod overlay;
+mod points;
 mod polygon;
 mod surfaces;
 #[cfg(test)]
@@ -25,6 +26,8 @@ use crate::parameterize::Parametrization;
 use errors::Bound;
 use glam::DVec3;
 use locate::{Bins, Raster};
+pub(crate) use points::SourcePoint;
+use surfaces::{Image, Source};
 
 /// A grid of (2^resolution + 1)² surface samples, row by row from (u, v) = (0, 0).
 #[derive(Debug, Clone, Default)]
@@ -138,6 +141,26 @@ pub fn grid_errors_window(
     Sampler::new(patch, parametrization).errors(window, positions)
 }
 
+/// What points of the source tell of a grid's error: quick, good enough to choose by, not guaranteed.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub(crate) struct Estimate {
+    /// Integral over the source's area of the squared distance to its tangent plane.
+    pub(crate) squares: f64,
+    /// Area of the source.
+    pub(crate) area: f64,
+    /// Largest distance to a tangent plane.
+    pub(crate) worst: f64,
+}
+
+impl Estimate {
+    /// Adds a point that stands for an `area` and is `height` from its plane.
+    pub(crate) fn add(&mut self, area: f64, height: f64) {
+        self.squares += area * height * height;
+        self.area += area;
+        self.worst = self.worst.max(height.abs());
+    }
+}
+
 /// A patch whose triangles are sorted into bins over (u, v), for many windows.
 #[derive(Debug)]
 pub struct Sampler<'a> {
@@ -159,6 +182,17 @@ impl<'a> Sampler<'a> {
 
     /// See [`resample_window`].
     pub fn grid(&self, borders: &[Border], window: Window) -> Grid {
+        let raster = self.raster(window);
+        raster.into_grid(self.patch, &self.parametrization.uv, borders)
+    }
+
+    /// The positions of [`Self::grid`].
+    pub(crate) fn positions(&self, borders: &[Border], window: Window) -> Vec<DVec3> {
+        let raster = self.raster(window);
+        raster.into_positions(self.patch, &self.parametrization.uv, borders)
+    }
+
+    fn raster(&self, window: Window) -> Raster {
         let mut raster = Raster::new(window);
         for triangle in self.bins.touching(window) {
             let corners = self.patch.triangles[triangle as usize];
@@ -167,7 +201,7 @@ impl<'a> Sampler<'a> {
                 corners.map(|vertex| self.parametrization.uv[vertex as usize]),
             );
         }
-        raster.into_grid(self.patch, &self.parametrization.uv, borders)
+        raster
     }
 
     /// The error of a window at its finest resolution alone.
@@ -203,5 +237,53 @@ impl<'a> Sampler<'a> {
             window,
             positions,
         )
+    }
+
+    /// Calls `emit` with points of the source in a window.
+    pub(crate) fn visit_points(&self, window: Window, emit: impl FnMut(&SourcePoint)) {
+        let triangles = self.bins.touching(window);
+        let source = Source::new(self.patch, &self.parametrization.uv);
+        points::visit_points(&source, window, &triangles, emit);
+    }
+
+    /// Estimates where a window is drawn with 2^k cells a side, for the last `count` of k = 0..=log2 `window.cells`; those
+    /// of the coarsest of them from fewer points.
+    pub(crate) fn estimates(
+        &self,
+        window: Window,
+        positions: &[DVec3],
+        count: usize,
+    ) -> Vec<Estimate> {
+        /// Levels that see all points.
+        const DENSE: usize = 2;
+        /// The others see one of so many.
+        const THINNED: usize = 3;
+        let images: Vec<(f64, Image)> = (0u32..)
+            .take(count)
+            .map(|level| {
+                let scale = 1.0 / f64::from(1u32 << level);
+                (scale, Image::of(window, level, positions))
+            })
+            .collect();
+        let mut estimates = vec![Estimate::default(); count];
+        let mut seen = 0;
+        self.visit_points(window, |point| {
+            let levels = if seen % THINNED == 0 { count } else { DENSE };
+            seen += 1;
+            for ((scale, image), estimate) in images.iter().zip(&mut estimates).take(levels) {
+                let gap = image.at(point.place * *scale) - point.surface;
+                let height = gap.dot(point.normal);
+                estimate.add(point.area, height);
+            }
+        });
+        let area = estimates.first().map_or(0.0, |finest| finest.area);
+        for estimate in &mut estimates {
+            if estimate.area > 0.0 {
+                estimate.squares *= area / estimate.area;
+            }
+            estimate.area = area;
+        }
+        estimates.reverse();
+        estimates
     }
 }

@@ -1,21 +1,31 @@
 //! From parametrized patches to the charts that the writer takes: how deep each goes, its samples, its errors.
+//!
+//! Depth is chosen for the error that is expected of the fit, and chosen anew when the fit turns out otherwise. Samples of
+//! inner nodes are those of their leaves. Errors are taken of the decoded samples.
 
 use super::depth::Depth;
+use super::leaves::{self, Leaf, Points};
 use super::patch::{Border, Patch};
-use super::quantize::{self, world_positions};
+use super::quantize;
 use super::summary;
+use super::survey::{Survey, window, window_of};
+use crate::fit::{self, Fitted};
 use crate::parameterize::Parametrization;
-use crate::resample::{GridError, Sampler, Window};
-use marquetry_format::quadtree::PAGE_RESOLUTION;
+use crate::resample::{Sampler, Window};
+use glam::DVec3;
 use marquetry_format::writer::{ChartInput, NodeInput};
 use marquetry_format::{ChartId, Glue, Lattice, NodeId, PageSamples, Quadrant};
 use rayon::prelude::*;
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::HashMap;
 
-/// Deepest level that sampling goes to. At level 6 a chart has 2048² cells.
-const DEEPEST_LEVEL: u8 = 6;
-/// A node is refined until its largest distance is at most this many targets, while that is worth a page.
-const MAX_OVER_TARGET: f64 = 10.0;
+/// Part of the target that estimates aim at: what is measured afterwards is a little more.
+const AIM: f64 = 0.94;
+/// Part of the squared error that a fit is first expected to leave.
+const EXPECTED_LEFT: f64 = 0.4;
+/// Depths tried at most.
+const ATTEMPTS: usize = 5;
+/// A result below this part of the goal, squared errors, has more samples than it needs.
+const WASTEFUL: f64 = 0.7;
 
 /// Everything that sampling needs of one model.
 #[derive(Debug)]
@@ -37,7 +47,7 @@ pub struct Surface<'a> {
 }
 
 /// The charts, and their error at the finest resolution.
-#[derive(Debug)]
+#[derive(Debug, Default)]
 pub struct Atlas {
     /// One input a chart.
     pub charts: Vec<ChartInput>,
@@ -45,37 +55,108 @@ pub struct Atlas {
     pub max_error: f64,
     /// Samples stored, shared ones counted in each page.
     pub samples: u64,
+    /// Points of the finest surface that a fit could have moved.
+    pub points: u64,
+    /// Those of them that the fit would have made worse and left where they were sampled.
+    pub kept: u64,
 }
 
-/// Samples every chart as deep as its error asks.
+impl Surface<'_> {
+    /// Largest distance of the node's part of the chart's open borders from the polyline that a resolution draws.
+    /// Distances to tangent planes do not see a corner that is cut off.
+    pub(super) fn open_border_error(&self, node: NodeId, resolution: u8) -> f64 {
+        let chart = node.chart.0 as usize;
+        let last = (1u32 << node.level) - 1;
+        // Place along each side, counter-clockwise, for a node that touches it.
+        let along = [
+            (node.y == 0).then_some(node.x),
+            (node.x == last).then_some(node.y),
+            (node.y == last).then(|| last - node.x),
+            (node.x == 0).then(|| last - node.y),
+        ];
+        let mut worst: f64 = 0.0;
+        for (side, along) in along.into_iter().enumerate() {
+            let (Some(along), None) = (along, self.glue[chart][side]) else {
+                continue;
+            };
+            let (border, forward) = self.patches[chart].borders[side];
+            let along = if forward { along } else { last - along };
+            let nodes = f64::from(last + 1);
+            let part = f64::from(along) / nodes..=f64::from(along + 1) / nodes;
+            let error = self.borders[border as usize].chord_error(resolution, part);
+            worst = worst.max(error);
+        }
+        worst
+    }
+
+    /// Length in lattice units, rounded up.
+    fn in_lattice_units(&self, length: f64) -> f32 {
+        #[expect(
+            clippy::cast_possible_truncation,
+            reason = "rounded up by the next line"
+        )]
+        let units = (length / self.lattice.step) as f32;
+        units.next_up()
+    }
+}
+
+/// Samples every chart as deep as the error of the whole asks.
 pub fn build(surface: &Surface<'_>, progress: &(dyn Fn(f64) + Sync)) -> Atlas {
     let count = surface.patches.len();
     let done = std::sync::atomic::AtomicUsize::new(0);
     let tick = || {
         let done = done.fetch_add(1, std::sync::atomic::Ordering::Relaxed) + 1;
-        progress(done as f64 / (2 * count) as f64);
+        progress((done as f64 / (2 * count) as f64).min(1.0));
     };
-    let tries: Vec<Tried> = (0..count)
+    let samplers: Vec<Sampler> = surface
+        .patches
+        .par_iter()
+        .zip(surface.parametrizations)
+        .map(|(patch, parametrization)| Sampler::new(patch, parametrization))
+        .collect();
+    let mut survey = Survey::new(surface, &samplers, &tick);
+    let goal = (AIM * surface.target).powi(2);
+    let mut left = EXPECTED_LEFT;
+    let mut finest: Option<Finest> = None;
+    for attempt in 0..ATTEMPTS {
+        let (depth, unfitted) = survey.choose(goal / left);
+        if finest.as_ref().is_some_and(|last| last.depth == depth) {
+            break;
+        }
+        let found = Finest::new(surface, &samplers, depth);
+        let reached = found.squares / survey.area.max(f64::MIN_POSITIVE);
+        tracing::debug!(
+            attempt,
+            points = found.points,
+            kept = found.kept,
+            of_target = reached.sqrt() / surface.target,
+            "fitted"
+        );
+        finest = Some(found);
+        if reached <= goal && (reached >= WASTEFUL * goal || attempt > 0) {
+            break;
+        }
+        // A little more, or it may come near the goal for ever.
+        let found_left = 1.03 * reached / unfitted.max(f64::MIN_POSITIVE);
+        left = if reached > goal {
+            found_left.max(1.1 * left)
+        } else {
+            found_left
+        };
+    }
+    let Some(finest) = finest else {
+        return Atlas::default();
+    };
+    let charts: Vec<ChartInput> = (0..count)
         .into_par_iter()
         .map(|chart| {
-            let tried = ChartSampler::new(surface, chart).try_depths();
-            tick();
-            tried
-        })
-        .collect();
-    let mut depth = Depth {
-        roots: tries.iter().map(|t| t.wanted).collect(),
-        nodes: BTreeSet::new(),
-    };
-    depth
-        .nodes
-        .extend(tries.iter().flat_map(|t| t.nodes.keys()));
-    depth.balance(surface.glue);
-    let charts: Vec<ChartInput> = tries
-        .into_par_iter()
-        .enumerate()
-        .map(|(chart, tried)| {
-            let root = ChartSampler::new(surface, chart).build(&depth, tried);
+            let builder = ChartBuilder {
+                surface,
+                sampler: &samplers[chart],
+                finest: &finest,
+            };
+            let root = NodeId::root(ChartId(u32::try_from(chart).unwrap_or(u32::MAX)));
+            let root = builder.node(root);
             tick();
             ChartInput {
                 glue: surface.glue[chart],
@@ -89,6 +170,8 @@ pub fn build(surface: &Surface<'_>, progress: &(dyn Fn(f64) + Sync)) -> Atlas {
         max_error: f64::from(max_error) * surface.lattice.step,
         samples: roots.map(count_samples).sum(),
         charts,
+        points: finest.points,
+        kept: finest.kept,
     }
 }
 
@@ -110,181 +193,115 @@ fn count_samples(node: &NodeInput) -> u64 {
     node.samples.positions.len() as u64 + below
 }
 
-/// What finding a chart's depth took: most of it is used again.
-#[derive(Default)]
-struct Tried {
-    wanted: u8,
-    samples: PageSamples,
-    errors: Vec<GridError>,
-    nodes: BTreeMap<NodeId, (PageSamples, GridError)>,
+/// The finest surface: all leaves, fitted and on the lattice.
+struct Finest {
+    depth: Depth,
+    leaves: HashMap<NodeId, PageSamples>,
+    /// Integral of the squared error over the source's area.
+    squares: f64,
+    points: u64,
+    kept: u64,
 }
 
-/// Cells of a full page a side.
-const CELLS: u32 = 1 << PAGE_RESOLUTION;
-
-/// One chart being sampled.
-struct ChartSampler<'a> {
-    surface: &'a Surface<'a>,
-    sampler: Sampler<'a>,
-    root: NodeId,
-}
-
-fn window(node: NodeId) -> Window {
-    Window {
-        resolution: PAGE_RESOLUTION + node.level,
-        x: node.x * CELLS,
-        y: node.y * CELLS,
-        cells: CELLS,
-    }
-}
-
-impl<'a> ChartSampler<'a> {
-    fn new(surface: &'a Surface<'a>, chart: usize) -> Self {
-        let sampler = Sampler::new(&surface.patches[chart], &surface.parametrizations[chart]);
+impl Finest {
+    fn new(surface: &Surface<'_>, samplers: &[Sampler<'_>], depth: Depth) -> Self {
+        let leaves = leaves::leaves_of(&depth);
+        let points = Points::new(surface.glue, &leaves);
+        let (sampled, mut samples) = sample(surface, samplers, &leaves, &points);
+        let lattice = &surface.lattice;
+        let stored =
+            |position| lattice.world_from_lattice(quantize::lattice_from_world(lattice, position));
+        let problem = fit::Problem {
+            samplers,
+            leaves: &leaves,
+            points: &points,
+            sampled: &sampled,
+            target: surface.target,
+            stored: &stored,
+        };
+        let Fitted {
+            positions,
+            squares,
+            kept,
+        } = fit::fit(&problem);
+        samples
+            .par_iter_mut()
+            .zip(&leaves)
+            .for_each(|(samples, &leaf)| {
+                samples.positions = problem
+                    .image(leaf, &positions)
+                    .iter()
+                    .map(|&p| quantize::lattice_from_world(lattice, p))
+                    .collect();
+            });
         Self {
-            surface,
-            sampler,
-            root: NodeId::root(ChartId(u32::try_from(chart).unwrap_or(u32::MAX))),
+            depth,
+            leaves: leaves.iter().map(|leaf| leaf.node).zip(samples).collect(),
+            squares,
+            points: points.len() as u64,
+            kept,
         }
     }
+}
 
-    fn good(&self, error: &GridError, samples: &PageSamples) -> bool {
-        let target = self.surface.target;
-        error.mean_square.sqrt() <= target && error.max_plane <= MAX_OVER_TARGET * target
-            || self.is_fine(samples)
-    }
-
-    /// Whether cells are no larger than the target: finer ones show nothing more.
-    fn is_fine(&self, samples: &PageSamples) -> bool {
-        let (mut min, mut max) = ([u32::MAX; 3], [0; 3]);
-        for p in &samples.positions {
-            for k in 0..3 {
-                min[k] = min[k].min(p[k]);
-                max[k] = max[k].max(p[k]);
-            }
-        }
-        let extent = (0..3)
-            .map(|k| f64::from(max[k] - min[k]))
-            .fold(0.0, f64::max);
-        extent * self.surface.lattice.step
-            <= self.surface.target * f64::from(1u32 << samples.resolution)
-    }
-
-    /// Largest distance of the node's part of the chart's open borders from the polyline that a resolution draws.
-    /// Distances to tangent planes do not see a corner that is cut off.
-    fn open_border_error(&self, node: NodeId, resolution: u8) -> f64 {
-        let chart = node.chart.0 as usize;
-        let last = (1u32 << node.level) - 1;
-        // Place along each side, counter-clockwise, for a node that touches it.
-        let along = [
-            (node.y == 0).then_some(node.x),
-            (node.x == last).then_some(node.y),
-            (node.y == last).then(|| last - node.x),
-            (node.x == 0).then(|| last - node.y),
-        ];
-        let mut worst: f64 = 0.0;
-        for (side, along) in along.into_iter().enumerate() {
-            let (Some(along), None) = (along, self.surface.glue[chart][side]) else {
-                continue;
-            };
-            let (border, forward) = self.surface.patches[chart].borders[side];
-            let along = if forward { along } else { last - along };
-            let nodes = f64::from(last + 1);
-            let part = f64::from(along) / nodes..=f64::from(along + 1) / nodes;
-            let error = self.surface.borders[border as usize].chord_error(resolution, part);
-            worst = worst.max(error);
-        }
-        worst
-    }
-
-    fn border_is_good(&self, node: NodeId, resolution: u8) -> bool {
-        self.open_border_error(node, resolution) <= MAX_OVER_TARGET * self.surface.target
-    }
-
-    fn samples(&self, window: Window) -> PageSamples {
-        let grid = self.sampler.grid(self.surface.borders, window);
-        quantize::samples(
-            &grid,
-            window.cells,
-            &self.surface.lattice,
-            self.surface.colours,
-        )
-    }
-
-    /// Errors of `samples` at every resolution of the window.
-    fn errors(&self, window: Window, samples: &PageSamples) -> Vec<GridError> {
-        self.sampler
-            .errors(window, &world_positions(samples, &self.surface.lattice))
-    }
-
-    /// Finds the root resolution and the deeper nodes that the chart's own error asks for, and keeps what that took.
-    fn try_depths(&self) -> Tried {
-        let mut tried = Tried::default();
-        // One sampling tells the error of every coarser resolution as well, and few charts need the finest.
-        for resolution in [PAGE_RESOLUTION - 1, PAGE_RESOLUTION] {
-            let whole = Window::whole(resolution);
-            tried.samples = self.samples(whole);
-            tried.errors = self.errors(whole, &tried.samples);
-            if let Some(wanted) = (1..=resolution).find(|&r| {
-                self.border_is_good(self.root, r)
-                    && self.good(&tried.errors[usize::from(r)], &tried.samples)
-            }) {
-                tried.wanted = wanted;
-                return tried;
-            }
-        }
-        tried.wanted = PAGE_RESOLUTION;
-        let error = tried.errors[usize::from(PAGE_RESOLUTION)];
-        self.refine(self.root, &error, &mut tried.nodes);
-        tried
-    }
-
-    /// Adds the children of `node`, and theirs where they are not good yet.
-    fn refine(
-        &self,
-        node: NodeId,
-        error: &GridError,
-        nodes: &mut BTreeMap<NodeId, (PageSamples, GridError)>,
-    ) {
-        if node.level >= DEEPEST_LEVEL {
-            return;
-        }
-        for child in (0..4).map(|q| node.child(Quadrant(q))) {
-            let (samples, own) = self.node(child);
-            // A spike that sampling does not catch is not worth ever more pages.
-            let gains = own.max_plane < 0.9 * error.max_plane
-                || own.mean_square > self.surface.target.powi(2);
-            let border = self.border_is_good(child, PAGE_RESOLUTION + child.level);
-            let deeper = gains && !self.good(&own, &samples) || !border && !self.is_fine(&samples);
-            nodes.insert(child, (samples, own));
-            if deeper {
-                self.refine(child, &own, nodes);
+/// Where the points lie on the source, and what else the samples have.
+fn sample(
+    surface: &Surface<'_>,
+    samplers: &[Sampler<'_>],
+    leaves: &[Leaf],
+    points: &Points,
+) -> (Vec<DVec3>, Vec<PageSamples>) {
+    let grids: Vec<(Vec<DVec3>, PageSamples)> = leaves
+        .par_iter()
+        .map(|&leaf| {
+            let window = window_of(leaf);
+            let grid = samplers[leaf.node.chart.0 as usize].grid(surface.borders, window);
+            let mut samples =
+                quantize::samples(&grid, window.cells, &surface.lattice, surface.colours);
+            samples.positions = Vec::new();
+            (grid.positions, samples)
+        })
+        .collect();
+    let mut sampled = vec![DVec3::ZERO; points.len()];
+    for (leaf, (positions, _)) in leaves.iter().zip(&grids) {
+        for (between, &position) in points.of_sample[leaf.range()].iter().zip(positions) {
+            if between.0 == between.1 {
+                sampled[between.0 as usize] = position;
             }
         }
     }
+    (
+        sampled,
+        grids.into_iter().map(|(_, samples)| samples).collect(),
+    )
+}
 
-    fn node(&self, node: NodeId) -> (PageSamples, GridError) {
-        let samples = self.samples(window(node));
-        let positions = world_positions(&samples, &self.surface.lattice);
-        let error = self.sampler.error(window(node), &positions);
-        (samples, error)
-    }
+/// One chart's nodes, made from the leaves upwards.
+struct ChartBuilder<'a> {
+    surface: &'a Surface<'a>,
+    sampler: &'a Sampler<'a>,
+    finest: &'a Finest,
+}
 
-    fn build(&self, depth: &Depth, mut tried: Tried) -> NodeInput {
-        let resolution = depth.roots[self.root.chart.0 as usize];
-        if tried.samples.resolution < resolution {
-            let whole = Window::whole(resolution);
-            tried.samples = self.samples(whole);
-            tried.errors = self.errors(whole, &tried.samples);
-        }
-        let samples = quantize::coarsen(tried.samples, resolution);
-        let errors = &tried.errors[..=usize::from(resolution)];
-        let children = self.children(self.root, depth, &mut tried.nodes);
+impl ChartBuilder<'_> {
+    fn node(&self, node: NodeId) -> NodeInput {
+        let children = self.children(node);
+        let samples = match &children {
+            Some(children) => quantize::from_children(children.as_ref()),
+            None => self.finest.leaves.get(&node).cloned().unwrap_or_default(),
+        };
+        let positions = quantize::world_positions(&samples, &self.surface.lattice);
+        let errors = if node.level == 0 {
+            self.sampler
+                .errors(Window::whole(samples.resolution), &positions)
+        } else {
+            vec![self.sampler.error(window(node), &positions)]
+        };
         let cone = summary::of(&samples, children.as_deref());
         // Errors never grow on the way down.
         let mut bounds: Vec<f32> = errors
             .iter()
-            .map(|e| self.in_lattice_units(e.max))
+            .map(|e| self.surface.in_lattice_units(e.max))
             .collect();
         let mut floor = deepest_error(children.as_deref());
         for bound in bounds.iter_mut().rev() {
@@ -300,42 +317,13 @@ impl<'a> ChartSampler<'a> {
     }
 
     /// The children of `node`, if the file holds them.
-    fn children(
-        &self,
-        node: NodeId,
-        depth: &Depth,
-        tried: &mut BTreeMap<NodeId, (PageSamples, GridError)>,
-    ) -> Option<Box<[NodeInput; 4]>> {
-        if !depth.nodes.contains(&node.child(Quadrant(0))) {
-            return None;
-        }
-        let children = [0, 1, 2, 3].map(|q| {
-            let child = node.child(Quadrant(q));
-            // Balance adds nodes that nobody tried.
-            let (samples, error) = tried.remove(&child).unwrap_or_else(|| self.node(child));
-            let children = self.children(child, depth, tried);
-            let bound = self
-                .in_lattice_units(error.max)
-                .max(deepest_error(children.as_deref()));
-            let cone = summary::of(&samples, children.as_deref());
-            NodeInput {
-                samples,
-                errors: vec![bound],
-                cone,
-                children,
-            }
-        });
-        Some(Box::new(children))
-    }
-
-    /// Length in lattice units, rounded up.
-    fn in_lattice_units(&self, length: f64) -> f32 {
-        #[expect(
-            clippy::cast_possible_truncation,
-            reason = "rounded up by the next line"
-        )]
-        let units = (length / self.surface.lattice.step) as f32;
-        units.next_up()
+    fn children(&self, node: NodeId) -> Option<Box<[NodeInput; 4]>> {
+        let children = [0, 1, 2, 3].map(|q| node.child(Quadrant(q)));
+        self.finest
+            .depth
+            .nodes
+            .contains(&children[0])
+            .then(|| Box::new(children.map(|child| self.node(child))))
     }
 }
 

@@ -5,7 +5,7 @@ use marquetry_format::{ChartId, Glue, NodeId, Quadrant, Side};
 use std::collections::BTreeSet;
 
 /// The nodes that the file will hold.
-#[derive(Debug, Clone, Default)]
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct Depth {
     /// Finest resolution of every chart's root, `0..=5`.
     pub roots: Vec<u8>,
@@ -36,6 +36,16 @@ impl Depth {
                     self.ensure(beside, least, &mut queue);
                 }
             }
+        }
+    }
+
+    /// Draws `node`, a leaf, finer by one resolution; balance is up to the caller.
+    pub(super) fn refine(&mut self, node: NodeId) {
+        let root = &mut self.roots[node.chart.0 as usize];
+        if node.level == 0 && *root < PAGE_RESOLUTION {
+            *root += 1;
+        } else {
+            self.nodes.extend((0..4).map(|q| node.child(Quadrant(q))));
         }
     }
 

@@ -3,32 +3,38 @@
 use crate::resample::Grid;
 use glam::DVec3;
 use marquetry_format::lattice::LATTICE_BITS;
+use marquetry_format::quadtree::PAGE_RESOLUTION;
 use marquetry_format::writer::{ChartInput, NodeInput};
 use marquetry_format::{Lattice, PageSamples};
 
-/// The lattice of a model with bounds `min`..`max`, whose stored positions are rounded to at most `step` (a length).
-///
-/// Rounding to the target RMS error adds 0.29 of it along the normal, which the eye does not see and which spends no
-/// bytes on noise.
-pub fn lattice(min: DVec3, max: DVec3, step: f64) -> Lattice {
+/// Distance between stored positions, in targets: rounding to it adds 0.29 of it along the normal to a sample and half
+/// of that, squared, to the surface between; a finer one spends bytes on noise.
+const STEP: f64 = 1.4;
+
+/// The lattice of a model with bounds `min`..`max`, whose stored positions are [`STEP`] `target`s apart (a length), or as
+/// far apart as the lattice is fine or coarse enough for.
+pub fn lattice(min: DVec3, max: DVec3, target: f64) -> Lattice {
     let size = (max - min).max_element();
     let cells = f64::from((1u32 << LATTICE_BITS) - 1);
     // A model that is one point still needs a lattice with extent.
-    let unit = if size > 0.0 {
+    let finest = if size > 0.0 {
         size / cells
     } else {
         1.0 / cells
     };
+    let step = STEP * target;
     let mut shift = 0u8;
-    while shift < 15 && unit * f64::from(2u32 << shift) <= step {
+    while shift < 15 && finest * f64::from(2u32 << shift) <= step {
         shift += 1;
     }
     // Rounding up to a multiple of 2^shift must not leave the lattice.
     let cells = cells - f64::from(1u32 << shift);
-    let unit = if size > 0.0 { size / cells } else { unit };
+    let finest = if size > 0.0 { size / cells } else { finest };
+    // A lattice may be larger than the model.
+    let unit = finest.max(step / f64::from(1u32 << shift));
     Lattice {
         origin: min.to_array(),
-        step: unit,
+        step: if shift < 15 { unit } else { finest },
         shift,
     }
 }
@@ -84,26 +90,32 @@ pub fn world_positions(samples: &PageSamples, lattice: &Lattice) -> Vec<DVec3> {
         .collect()
 }
 
-/// The samples that a coarser `resolution` has.
-pub fn coarsen(samples: PageSamples, resolution: u8) -> PageSamples {
-    fn pick<T: Copy>(all: &[T], side: usize, coarse: usize, stride: usize) -> Vec<T> {
-        if all.is_empty() {
+/// The samples of a node with children: their even ones.
+pub fn from_children(children: &[NodeInput; 4]) -> PageSamples {
+    fn pick<T: Copy + Default>(children: [&[T]; 4]) -> Vec<T> {
+        if children[0].is_empty() {
             return Vec::new();
         }
-        (0..coarse * coarse)
-            .map(|k| all[k / coarse * stride * side + k % coarse * stride])
+        let (cells, half) = (1usize << PAGE_RESOLUTION, 1usize << (PAGE_RESOLUTION - 1));
+        let side = cells + 1;
+        (0..side * side)
+            .map(|k| {
+                let (i, j) = (k % side, k / side);
+                let (right, upper) = (usize::from(i > half), usize::from(j > half));
+                let (i, j) = (2 * (i - right * half), 2 * (j - upper * half));
+                children[2 * upper + right]
+                    .get(j * side + i)
+                    .copied()
+                    .unwrap_or_default()
+            })
             .collect()
     }
-    if resolution >= samples.resolution {
-        return samples;
-    }
-    let stride = 1usize << (samples.resolution - resolution);
-    let (side, coarse) = (samples.side(), (1usize << resolution) + 1);
+    let [a, b, c, d] = children.each_ref().map(|child| &child.samples);
     PageSamples {
-        resolution,
-        positions: pick(&samples.positions, side, coarse, stride),
-        normals: pick(&samples.normals, side, coarse, stride),
-        colours: pick(&samples.colours, side, coarse, stride),
+        resolution: PAGE_RESOLUTION,
+        positions: pick([&a.positions, &b.positions, &c.positions, &d.positions]),
+        normals: pick([&a.normals, &b.normals, &c.normals, &d.normals]),
+        colours: pick([&a.colours, &b.colours, &c.colours, &d.colours]),
         ..PageSamples::default()
     }
 }

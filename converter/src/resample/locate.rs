@@ -85,45 +85,84 @@ impl Raster {
 
     /// Evaluates all samples.
     pub(super) fn into_grid(self, patch: &Patch, uv: &[DVec2], borders: &[Border]) -> Grid {
+        let mut grid = Grid {
+            resolution: self.window.resolution,
+            positions: Vec::with_capacity(self.owners.len()),
+            attributes: Vec::with_capacity(self.owners.len()),
+        };
+        self.evaluate(patch, uv, |place| {
+            let (position, attributes) = match place {
+                Found::OnSide(side, step, resolution) => {
+                    sample(patch, borders, side, step, resolution)
+                }
+                Found::Inside(corners, weights) => (
+                    blend(corners.map(|vertex| patch.positions[vertex]), weights),
+                    within_triangle(corners.map(|vertex| patch.attributes[vertex]), weights),
+                ),
+            };
+            grid.positions.push(position);
+            grid.attributes.push(attributes);
+        });
+        grid
+    }
+
+    /// Evaluates the positions of all samples.
+    pub(super) fn into_positions(
+        self,
+        patch: &Patch,
+        uv: &[DVec2],
+        borders: &[Border],
+    ) -> Vec<DVec3> {
+        let mut positions = Vec::with_capacity(self.owners.len());
+        self.evaluate(patch, uv, |place| {
+            positions.push(match place {
+                Found::OnSide(side, step, resolution) => {
+                    sample(patch, borders, side, step, resolution).0
+                }
+                Found::Inside(corners, weights) => {
+                    blend(corners.map(|vertex| patch.positions[vertex]), weights)
+                }
+            });
+        });
+        positions
+    }
+
+    /// Calls `visit` with where each sample lies, row by row.
+    fn evaluate(&self, patch: &Patch, uv: &[DVec2], mut visit: impl FnMut(Found)) {
         let Window {
             resolution,
             x,
             y,
             cells,
         } = self.window;
-        let mut grid = Grid {
-            resolution,
-            positions: Vec::with_capacity(self.owners.len()),
-            attributes: Vec::with_capacity(self.owners.len()),
-        };
+        let scale = f64::from(1u32 << resolution);
         let mut at = 0;
         for j in y..=y + cells {
             for i in x..=x + cells {
-                let (position, attributes) = if let Some((side, step)) =
-                    side_of(i, j, 1 << resolution)
-                {
-                    sample(patch, borders, side, step, resolution)
-                } else {
-                    let (mut owner, mut weights) = (self.owners[at], self.weights[at]);
-                    if owner == NONE {
-                        let scale = f64::from(1u32 << resolution);
-                        (owner, weights) =
-                            nearest(patch, uv, DVec2::new(f64::from(i), f64::from(j)) / scale);
+                visit(match side_of(i, j, 1 << resolution) {
+                    Some((side, step)) => Found::OnSide(side, step, resolution),
+                    None => {
+                        let (mut owner, mut weights) = (self.owners[at], self.weights[at]);
+                        if owner == NONE {
+                            let point = DVec2::new(f64::from(i), f64::from(j)) / scale;
+                            (owner, weights) = nearest(patch, uv, point);
+                        }
+                        let corners = patch.triangles[owner as usize];
+                        Found::Inside(corners.map(|vertex| vertex as usize), weights)
                     }
-                    let corners = patch.triangles[owner as usize].map(|vertex| vertex as usize);
-                    let position = blend(corners.map(|vertex| patch.positions[vertex]), weights);
-                    (
-                        position,
-                        within_triangle(corners.map(|vertex| patch.attributes[vertex]), weights),
-                    )
-                };
-                grid.positions.push(position);
-                grid.attributes.push(attributes);
+                });
                 at += 1;
             }
         }
-        grid
     }
+}
+
+/// Where a sample lies.
+enum Found {
+    /// On a side, so many steps from its start at a resolution.
+    OnSide(usize, u32, u8),
+    /// Between three vertices, with these weights.
+    Inside([usize; 3], [f64; 3]),
 }
 
 /// The integers in `low..=high` that lie in a window's `from..=to` and inside the chart, in `1..=last`.

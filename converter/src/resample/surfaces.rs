@@ -78,6 +78,24 @@ impl<'a> Image<'a> {
         }
     }
 
+    /// The image at a place, in cells of this level; of places outside the window, the nearest cell's plane.
+    #[expect(
+        clippy::cast_possible_truncation,
+        clippy::cast_sign_loss,
+        reason = "casts saturate; NaN becomes 0"
+    )]
+    pub(super) fn at(&self, place: DVec2) -> DVec3 {
+        let last = self.cells - 1;
+        let (x, y) = ((place.x as u32).min(last), (place.y as u32).min(last));
+        let (u, v) = (place.x - f64::from(x), place.y - f64::from(y));
+        let (near, far) = (self.sample(x, y), self.sample(x + 1, y + 1));
+        if v > u {
+            near * (1.0 - v) + far * u + self.sample(x, y + 1) * (v - u)
+        } else {
+            near * (1.0 - u) + self.sample(x + 1, y) * (u - v) + far * v
+        }
+    }
+
     /// The cells that a span of one coordinate touches, kept inside the window.
     #[expect(
         clippy::cast_possible_truncation,

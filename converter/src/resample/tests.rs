@@ -419,3 +419,50 @@ fn windows_add_up_to_the_whole() {
         assert!(max >= whole.max * 0.9);
     }
 }
+
+#[test]
+fn points_of_the_source_stand_for_its_area() {
+    for case in random_cases() {
+        let sampler = Sampler::new(&case.patch, &case.map);
+        let area: f64 = source_triangles(&case.patch)
+            .iter()
+            .map(|[a, b, c]| 0.5 * (b - a).cross(c - a).length())
+            .sum();
+        for resolution in [0, 2, 5] {
+            let mut sum = 0.0;
+            sampler.visit_points(Window::whole(resolution), |point| sum += point.area);
+            assert!((sum / area - 1.0).abs() < 1e-9, "{resolution}: {sum} {area}");
+        }
+        let mut sum = 0.0;
+        for (x, y) in (0..4).flat_map(|y| (0..4).map(move |x| (x * 8, y * 8))) {
+            let window = Window {
+                resolution: 5,
+                x,
+                y,
+                cells: 8,
+            };
+            sampler.visit_points(window, |point| sum += point.area);
+        }
+        assert!((sum / area - 1.0).abs() < 1e-6, "{sum} {area}");
+    }
+}
+
+#[test]
+fn estimates_are_near_the_exact_errors() {
+    for case in random_cases() {
+        let positions = noisy(&case, 4, 0.05);
+        let sampler = Sampler::new(&case.patch, &case.map);
+        let estimates = sampler.estimates(Window::whole(4), &positions, 5);
+        let exact = grid_errors(&case.patch, &case.map, 4, &positions);
+        assert_eq!(estimates.len(), 5);
+        for (estimate, exact) in estimates.iter().zip(&exact) {
+            let squares = exact.mean_square * exact.area;
+            assert!((estimate.area / exact.area - 1.0).abs() < 1e-9);
+            assert!(estimate.worst <= exact.max_plane * (1.0 + 1e-9));
+            assert!(
+                (estimate.squares / squares - 1.0).abs() < 0.35,
+                "{estimate:?} {exact:?}"
+            );
+        }
+    }
+}

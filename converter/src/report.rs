@@ -1,6 +1,7 @@
 //! The machine-readable report of a conversion: the keys of the command line's contract.
 
 use crate::mesh::account::{Account, Reason};
+use crate::texture::stage::TextureReport;
 
 /// What a conversion did.
 #[derive(Debug, Clone, serde::Serialize)]
@@ -25,6 +26,8 @@ pub struct Report {
     pub lost: Lost,
     /// Input that repeats other input.
     pub merged: Merged,
+    /// Textures and the colour tiles made of them.
+    pub textures: TextureReport,
 }
 
 /// What was read.

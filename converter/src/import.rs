@@ -5,17 +5,19 @@
 //! except faces with fewer than three distinct corners, which are counted.
 //!
 //! Limits: the file is read into memory as a whole; every count in it is bounded by its size before memory is taken;
-//! gzip may expand to at most [`expansion_limit`] bytes. Curves, points, lines, texture coordinates, normals, morph targets and
-//! skins are not read. Colours are sRGB with 8 bits a channel.
+//! gzip may expand to at most [`expansion_limit`] bytes. Curves, points, lines, normals, morph targets and skins are not read.
+//! Vertex colours are sRGB with 8 bits a channel; textures of OBJ and glTF come as an [`Appearance`].
 
 mod colour;
 mod detect;
 mod faces;
 mod gltf;
 mod obj;
+mod obj_appearance;
 mod off;
 mod ply;
 mod polygon;
+mod references;
 mod stl;
 mod text;
 
@@ -23,6 +25,7 @@ pub use detect::Format;
 
 use crate::error::{Fault, ImportError, ParseError, Place};
 use crate::mesh::ImportedMesh;
+use crate::texture::appearance::Appearance;
 use faces::Faces;
 use glam::DVec3;
 use std::io::Read;
@@ -55,6 +58,8 @@ struct Soup {
     faces: Faces,
     /// Bytes read from other files.
     referenced_bytes: u64,
+    /// Materials and textures.
+    appearance: Appearance,
 }
 
 /// Reads the mesh in the file at `path`.
@@ -139,7 +144,11 @@ fn parse(mut bytes: Vec<u8>, path: &Path) -> Result<(ImportedMesh, ImportReport)
     })?;
     let soup = match format {
         Format::Ply => ply::parse(&bytes)?,
-        Format::Obj => obj::parse(&bytes)?,
+        Format::Obj => {
+            let mut soup = obj::parse(&bytes)?;
+            obj_appearance::read(&bytes, &name, &mut soup);
+            soup
+        }
         Format::Stl => stl::parse(&bytes)?,
         Format::Off => off::parse(&bytes)?,
         Format::Glb => gltf::parse_glb(&bytes, &name)?,
@@ -186,6 +195,7 @@ fn finish(
         mut colours,
         faces,
         referenced_bytes,
+        appearance,
     } = soup;
     let vertices = positions.len() as u64;
     if u32::try_from(positions.len()).is_err() {
@@ -231,6 +241,7 @@ fn finish(
             positions,
             colours,
             triangles,
+            appearance,
         },
         report,
     ))

@@ -17,3 +17,4 @@ pub mod quadrangulate;
 pub mod report;
 pub mod resample;
 pub mod segment;
+pub mod texture;

@@ -14,6 +14,7 @@ mod t_junction;
 pub mod weld;
 
 use crate::error::{ImportError, MAX_TRIANGLES};
+use crate::texture::appearance::Appearance;
 use account::{Account, Reason, Topology};
 use adjacency::EdgeTable;
 use glam::DVec3;
@@ -30,6 +31,8 @@ pub struct ImportedMesh {
     pub colours: Vec<[u8; 3]>,
     /// Triangles; every index is in range.
     pub triangles: Vec<[u32; 3]>,
+    /// Materials and textures of the triangles.
+    pub appearance: Appearance,
 }
 
 /// A mesh in which every position occurs once: all corners are finite, every triangle has three different ones, and

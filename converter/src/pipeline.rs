@@ -10,13 +10,18 @@ use crate::output::PendingFile;
 use crate::parameterize::{self, Parametrization};
 use crate::process;
 use crate::quadrangulate::{self, Layout, QuadrangulateError};
-use crate::report::{ErrorReport, FitReport, InputReport, Lost, Merged, OutputReport, Report, StageReport};
+use crate::report::{
+    ErrorReport, FitReport, InputReport, Lost, Merged, OutputReport, Report, StageReport,
+};
 use crate::segment::{self, Segmentation};
+use crate::texture::build::TextureError;
+use crate::texture::stage::{TextureReport, Textures};
 use glam::DVec3;
 use marquetry_evaluation::distance;
 use marquetry_format::reader::Document;
 use marquetry_format::source::FileSource;
-use marquetry_format::{ContentKind, Lattice, Limits, Metadata, writer};
+use marquetry_format::writer::ColourInput;
+use marquetry_format::{ColourIndex, ContentKind, Lattice, Limits, Metadata, writer};
 use rayon::prelude::*;
 use std::io::Write;
 use std::path::{Path, PathBuf};
@@ -145,6 +150,14 @@ pub enum ConvertError {
         first: usize,
         /// How many there are.
         count: usize,
+    },
+    /// The textures cannot be used.
+    #[error("{path}: {source}")]
+    Textures {
+        /// The input.
+        path: PathBuf,
+        /// Why.
+        source: TextureError,
     },
     /// The result could not be measured.
     #[error("{path}: the result cannot be measured: {source}")]
@@ -316,7 +329,9 @@ impl Conversion<'_> {
     }
 
     fn run_watched(mut self, file: PendingFile) -> Result<Report, ConvertError> {
-        let (imported, import_report) = self.import()?;
+        let (mut imported, import_report) = self.import()?;
+        let textures = Textures::take(&mut imported, self.options.memory_bytes)
+            .map_err(|source| self.texture_error(source.into()))?;
         let has_colours = !imported.colours.is_empty();
         self.begin("manifold")?;
         let (mesh, account) = mesh::prepare(imported).map_err(|e| e.in_file(self.input))?;
@@ -327,7 +342,7 @@ impl Conversion<'_> {
         let lattice = quantize::lattice(min, max, target);
         let selection = cluster::select::select(&mesh);
         let surface = selection.as_ref().map_or(&mesh, |found| &found.rest);
-        let atlas = self.atlas(surface, (min, max), lattice, has_colours)?;
+        let (atlas, colour) = self.atlas(surface, &textures, (min, max), lattice, has_colours)?;
         let clusters = match &selection {
             None => None,
             Some(found) => {
@@ -372,7 +387,15 @@ impl Conversion<'_> {
                 .unwrap_or_default(),
             generator: concat!("marquetry ", env!("CARGO_PKG_VERSION")).to_owned(),
         };
-        let output = self.write(file, &metadata, &atlas, clusters.as_ref())?;
+        let mut textures = textures.report();
+        let output = self.write(
+            file,
+            &metadata,
+            &atlas,
+            clusters.as_ref(),
+            colour.as_ref(),
+            &mut textures,
+        )?;
         self.stages.end();
         Ok(Report {
             input: InputReport {
@@ -398,6 +421,7 @@ impl Conversion<'_> {
             },
             lost: Lost::of(&account),
             merged: Merged::of(&account),
+            textures,
         })
     }
 
@@ -405,12 +429,13 @@ impl Conversion<'_> {
     fn atlas(
         &mut self,
         mesh: &ManifoldMesh,
+        textures: &Textures,
         (min, max): (DVec3, DVec3),
         lattice: Lattice,
         colours: bool,
-    ) -> Result<build::Atlas, ConvertError> {
+    ) -> Result<(build::Atlas, Option<ColourInput>), ConvertError> {
         if mesh.triangles.is_empty() {
-            return Ok(build::Atlas::default());
+            return Ok((build::Atlas::default(), None));
         }
         self.begin("segment")?;
         let segmentation =
@@ -436,7 +461,7 @@ impl Conversion<'_> {
 
         self.begin("resample")?;
         let progress = self.stages.progress;
-        Ok(build::build(
+        let atlas = build::build(
             &build::Surface {
                 patches: &patches,
                 parametrizations: &parametrizations,
@@ -447,7 +472,16 @@ impl Conversion<'_> {
                 target: self.options.error_rel * (max - min).length(),
             },
             &|done| progress.fraction(done),
-        ))
+        );
+        if textures.has_images() {
+            self.begin("textures")?;
+        }
+        let colour = textures
+            .tiles(&patches, &parametrizations, &glue, &|done| {
+                progress.fraction(done)
+            })
+            .map_err(|source| self.texture_error(source))?;
+        Ok((atlas, colour))
     }
 
     fn import(&mut self) -> Result<(ImportedMesh, ImportReport), ConvertError> {
@@ -473,6 +507,13 @@ impl Conversion<'_> {
             needed,
             allowed,
         })
+    }
+
+    fn texture_error(&self, source: TextureError) -> ConvertError {
+        ConvertError::Textures {
+            path: self.input.to_owned(),
+            source,
+        }
     }
 
     fn refuse_non_finite(&self, mesh: &ImportedMesh) -> Result<(), ConvertError> {
@@ -597,6 +638,8 @@ impl Conversion<'_> {
         metadata: &Metadata,
         atlas: &build::Atlas,
         clusters: Option<&cluster::Layer>,
+        colour: Option<&ColourInput>,
+        textures: &mut TextureReport,
     ) -> Result<OutputReport, ConvertError> {
         let failed = |source| ConvertError::Output {
             path: self.output.to_owned(),
@@ -614,6 +657,7 @@ impl Conversion<'_> {
             let content = writer::Content {
                 charts: &atlas.charts,
                 clusters: clusters.map(|layer| &layer.root),
+                colour,
             };
             let bytes = writer::write(metadata, &metadata.lattice, &content, &mut out)
                 .map_err(unreadable)?;
@@ -623,6 +667,13 @@ impl Conversion<'_> {
         let source = FileSource::open(file.path()).map_err(|e| failed(std::io::Error::other(e)))?;
         let mut document = Document::open(&source, Limits::default()).map_err(unreadable)?;
         document.load_index(&source).map_err(unreadable)?;
+        if let Some(mut index) =
+            ColourIndex::of(&document, Limits::default()).map_err(unreadable)?
+        {
+            index.load(&source).map_err(unreadable)?;
+            textures.tiles = index.tile_count();
+            textures.bytes = index.bytes();
+        }
         let levels = atlas
             .charts
             .iter()

@@ -1,6 +1,7 @@
 //! The machine-readable report of a conversion: the keys of the command line's contract.
 
 use crate::mesh::account::{Account, Reason};
+use crate::texture::stage::TextureReport;
 
 /// What a conversion did.
 #[derive(Debug, Clone, serde::Serialize)]
@@ -23,19 +24,21 @@ pub struct Report {
     pub error: ErrorReport,
     /// The fit of samples to the source.
     pub fit: FitReport,
-    /// The least-squares fit of the finest surface's samples.
+    /// Input that is not in the output.
+    pub lost: Lost,
+    /// Input that repeats other input.
+    pub merged: Merged,
+    /// Textures and the colour tiles made of them.
+    pub textures: TextureReport,
+}
+
+/// The least-squares fit of the finest surface's samples.
 #[derive(Debug, Clone, serde::Serialize)]
 pub struct FitReport {
     /// Samples of the finest surface, those shared by leaves counted once.
     pub points: u64,
     /// Those of them that the fit would have made worse, and that stay where the source was sampled.
     pub kept: u64,
-}
-
-/// Input that is not in the output.
-    pub lost: Lost,
-    /// Input that repeats other input.
-    pub merged: Merged,
 }
 
 /// What was read.

@@ -13,6 +13,6 @@ pub struct BytesByPart {
     pub geometry: u64,
     /// Normals, base included.
     pub normals: u64,
-    /// Colours, base included.
+    /// Colours, base and colour tiles included.
     pub colour: u64,
 }

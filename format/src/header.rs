@@ -53,6 +53,8 @@ pub enum SectionKind {
     Thumbnail = 21,
     /// Meshes of the clusters below the root.
     ClusterPages = 22,
+    /// Which charts have colour tiles, and where; ignorable.
+    ColourDirectory = 23,
 }
 
 /// The types that make an atlas, in the order in which they must lie in the file.

@@ -26,6 +26,7 @@ mod bytes_by_part;
 pub mod chart;
 pub mod cluster;
 pub mod codec;
+pub mod colour;
 pub mod error;
 #[cfg(any(test, feature = "fuzzing"))]
 #[doc(hidden)]
@@ -49,6 +50,7 @@ pub use bytes_by_part::BytesByPart;
 pub use chart::{Chart, ChartId, Glue, Side};
 pub use cluster::{ClusterId, ClusterMesh, ClusterNode, Clusters};
 pub use codec::octahedral;
+pub use colour::{ColourIndex, TexelSize, TileEntry, TileId, TileTexels};
 pub use error::Error;
 pub use index::{NormalCone, PageEntry};
 pub use lattice::{Bounds, Lattice, LatticePoint};

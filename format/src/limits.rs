@@ -13,8 +13,10 @@ pub struct Limits {
     pub metadata_bytes: u64,
     /// Bytes of any one front section (directory, glue, base), decoded.
     pub section_bytes: u64,
-    /// Stored bytes of one page, also of one cluster.
+    /// Stored bytes of one page, also of one cluster or colour tile.
     pub page_bytes: u32,
+    /// Colour tiles in a file.
+    pub tiles: u32,
 }
 
 impl Default for Limits {
@@ -26,6 +28,7 @@ impl Default for Limits {
             metadata_bytes: 1 << 20,
             section_bytes: 1 << 26,
             page_bytes: 1 << 17,
+            tiles: 1 << 26,
         }
     }
 }

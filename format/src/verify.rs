@@ -6,6 +6,7 @@
 
 mod bytes;
 mod clusters;
+mod colour;
 mod pages;
 
 use crate::rules::Tally;
@@ -86,6 +87,7 @@ pub fn verify(source: &dyn ByteSource) -> Result<Report, Error> {
         pages::check(&document, source, &mut report);
     }
     clusters::check(&document, source, &mut report);
+    colour::check(&document, source, &mut report);
     Ok(report)
 }
 

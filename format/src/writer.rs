@@ -15,12 +15,14 @@ mod clusters;
 mod input;
 
 pub use crate::BytesByPart;
+pub use crate::colour::writer::{ChartTiles, ColourInput, TileInput};
 pub use crate::reader::FIRST_IMAGE_BYTES;
 
 use crate::chart::encode_charts;
 use crate::cluster::ClusterMesh;
 use crate::codec::page::{Coding, encode_base, encode_child, encode_root};
 use crate::codec::payload::PartBytes;
+use crate::colour;
 use crate::header::{
     ATLAS_SECTIONS, CLUSTER_SECTIONS, Header, MINOR, MUST_UNDERSTAND, Section, SectionKind,
     checksum,
@@ -75,6 +77,8 @@ pub struct Content<'a> {
     pub charts: &'a [ChartInput],
     /// The root of the cluster tree.
     pub clusters: Option<&'a ClusterInput>,
+    /// Colour tiles, one entry a chart.
+    pub colour: Option<&'a ColourInput>,
 }
 
 /// A page ready to be stored.
@@ -97,6 +101,7 @@ pub fn write_atlas(
     let content = Content {
         charts,
         clusters: None,
+        colour: None,
     };
     write(metadata, lattice, &content, out)
 }
@@ -142,11 +147,18 @@ pub fn write(
         .unwrap_or(u32::MAX)
         .div_ceil(BLOCK_PAGES);
 
-    let kinds: Vec<SectionKind> = if clusters.is_some() {
+    let colour = content
+        .colour
+        .map(|input| colour::writer::Prepared::new(input, charts.len()))
+        .transpose()?;
+    let mut kinds: Vec<SectionKind> = if clusters.is_some() {
         SECTIONS_WITH_CLUSTERS.to_vec()
     } else {
         ATLAS_SECTIONS.to_vec()
     };
+    if colour.is_some() {
+        kinds.extend([SectionKind::ColourDirectory, SectionKind::ColourTiles]);
+    }
     let before_charts = Header::encoded_length(kinds.len() as u32)
         + metadata_bytes.len() as u64
         + Directory::encoded_length(block_count);
@@ -165,7 +177,14 @@ pub fn write(
             )
         })
         .collect::<Result<Vec<_>, Error>>()?;
-    let content_id = content_id(&metadata_bytes, &front, &facts, &encoded, clusters.as_ref());
+    let content_id = content_id(
+        &metadata_bytes,
+        &front,
+        &facts,
+        &encoded,
+        clusters.as_ref(),
+        colour.as_ref(),
+    )?;
 
     let index_start = before_charts + tree_bytes + (front.charts.len() + front.base.len()) as u64;
     let (index_bytes, directory) = index(&content_id, charts.len(), index_start, &encoded, &facts);
@@ -183,6 +202,16 @@ pub fn write(
         None => (Vec::new(), Vec::new()),
     };
     let directory_bytes = directory.encode();
+    let before_colour = Header::encoded_length(kinds.len() as u32)
+        + [&metadata_bytes, &directory_bytes, &front.charts, &tree]
+            .iter()
+            .chain(&[&front.base, &index_bytes, &cluster_pages, &page_bytes])
+            .map(|body| body.len() as u64)
+            .sum::<u64>();
+    let [colour_directory, colour_tiles] = match colour {
+        Some(colour) => colour.sections(&content_id, before_colour)?,
+        None => [Vec::new(), Vec::new()],
+    };
     let body_of = |kind| match kind {
         SectionKind::Metadata => &metadata_bytes,
         SectionKind::Directory => &directory_bytes,
@@ -191,6 +220,8 @@ pub fn write(
         SectionKind::Base => &front.base,
         SectionKind::IndexBlocks => &index_bytes,
         SectionKind::ClusterPages => &cluster_pages,
+        SectionKind::ColourDirectory => &colour_directory,
+        SectionKind::ColourTiles => &colour_tiles,
         _ => &page_bytes,
     };
     let mut end = Header::encoded_length(kinds.len() as u32);
@@ -202,7 +233,14 @@ pub fn write(
         let checksum = checksum(&content_id, body);
         sections.push(Section {
             kind: kind as u32,
-            flags: MUST_UNDERSTAND,
+            flags: if matches!(
+                kind,
+                SectionKind::ColourDirectory | SectionKind::ColourTiles
+            ) {
+                0
+            } else {
+                MUST_UNDERSTAND
+            },
             range,
             checksum,
         });
@@ -230,7 +268,10 @@ pub fn write(
         index: index as u64 - root_bytes,
         geometry: geometry + front.base_parts.geometry + more_geometry,
         normals: normals + front.base_parts.normals + more_normals,
-        colour: colour + front.base_parts.colours + more_colour,
+        colour: colour
+            + front.base_parts.colours
+            + more_colour
+            + (colour_directory.len() + colour_tiles.len()) as u64,
     })
 }
 
@@ -354,7 +395,8 @@ fn content_id(
     facts: &[Vec<u8>],
     pages: &[Encoded],
     clusters: Option<&ClusterLayer>,
-) -> [u8; 16] {
+    colour: Option<&colour::writer::Prepared<'_>>,
+) -> Result<[u8; 16], Error> {
     let mut hasher = blake3::Hasher::new();
     for part in [metadata, &front.charts, &front.base] {
         hasher.update(part);
@@ -370,9 +412,12 @@ fn content_id(
             hasher.update(part);
         }
     }
+    if let Some(colour) = colour {
+        colour.hash(&mut hasher)?;
+    }
     let mut id = [0; 16];
     hasher.finalize_xof().fill(&mut id);
-    id
+    Ok(id)
 }
 
 /// Index blocks and directory of a file whose index starts at `index_start`.

@@ -5,7 +5,7 @@
 mod support;
 
 use marquetry_format::source::SliceSource;
-use marquetry_format::{Document, Limits, PageId};
+use marquetry_format::{ColourIndex, Document, Limits, PageId, TileId};
 use marquetry_server::{Config, Server, ServerError};
 use std::io::{Read, Write};
 use std::path::Path;
@@ -58,6 +58,33 @@ fn pages_are_the_bytes_of_the_file_and_immutable() {
             head.header("content-length"),
             answer.header("content-length")
         );
+    }
+}
+
+#[test]
+fn colour_tiles_are_pages_after_the_last() {
+    let folder = tempfile::tempdir().unwrap();
+    let bytes = support::textured_marq(0);
+    std::fs::write(folder.path().join("a.marq"), &bytes).unwrap();
+    let server = serve(folder.path());
+    let document = Document::open(&bytes, Limits::default()).unwrap();
+    let mut index = ColourIndex::of(&document, Limits::default())
+        .unwrap()
+        .unwrap();
+    index.load(&bytes).unwrap();
+    assert_eq!((document.page_count(), index.tile_count()), (5, 3));
+    let id = document.content_id_hex();
+    let start = |tile| index.tile_range(TileId(tile)).unwrap();
+    for (pages, first, last) in [("5", 0, 0), ("7", 2, 2), ("5-7", 0, 2), ("6-7", 1, 2)] {
+        let answer = server.get(&format!("/pages/a/{id}/{pages}"));
+        let stored = start(first).start..start(last).end;
+        let stored = usize::try_from(stored.start).unwrap()..usize::try_from(stored.end).unwrap();
+        assert_eq!(answer.status, 200, "{pages}");
+        assert!(answer.body == bytes[stored], "{pages}");
+    }
+    for pages in ["8", "5-8", "4-5", "0-7"] {
+        let answer = server.get(&format!("/pages/a/{id}/{pages}"));
+        assert_eq!(answer.status, 404, "{pages}");
     }
 }
 

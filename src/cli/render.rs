@@ -50,7 +50,7 @@ pub(super) struct Looks {
     /// How one resolution gives way to another: none, alpha, dither or geomorph
     #[arg(long, value_name = "HOW", default_value = "geomorph", value_parser = transition)]
     transition: Choice<Transition>,
-    /// What the colours show: lit, normal, lod or wire
+    /// What the colours show: lit, normal, lod, wire or unlit
     #[arg(long, value_name = "WHAT", default_value = "lit", value_parser = Shade::from_str)]
     shade: Shade,
     /// Colour behind the model

@@ -12,6 +12,7 @@ pub mod ply;
 pub mod raster;
 pub mod server;
 pub mod stage;
+pub mod textured;
 
 pub use binary::{Finished, marquetry};
 pub use converted::{Converted, convert};

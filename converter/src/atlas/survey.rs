@@ -512,9 +512,9 @@ fn extent(positions: &[glam::DVec3]) -> f64 {
 mod tests {
     use super::*;
     use crate::atlas::patch::{Border, Patch};
+    use crate::atlas::quantize;
     use crate::parameterize::test_patches::{bumpy, with_borders};
     use crate::parameterize::{Parametrization, parameterize};
-    use crate::atlas::quantize;
     use glam::DVec3;
     use marquetry_format::Glue;
 

@@ -114,6 +114,48 @@ impl Faces {
         self.triangles.len() as u64 + self.polygons.len() as u64 + self.short
     }
 
+    /// The triangles among the faces, in order.
+    pub(super) fn triangles(&self) -> &[[u32; 3]] {
+        &self.triangles
+    }
+
+    /// Whether all indices are below `vertices`, and the faces of three and more corners have `corners` in all.
+    pub(super) fn fits(&self, vertices: usize, corners: usize) -> bool {
+        self.greatest.is_none_or(|(g, _)| (g as usize) < vertices)
+            && 3 * self.triangles.len() + self.corners.len() == corners
+    }
+
+    /// For every triangle that [`Self::triangulate`] makes, its corners' places in `values`, which has one entry a corner
+    /// of the faces added, in order; faces with fewer than three corners have none there.
+    pub(super) fn carry<T: Copy>(&self, positions: &[DVec3], values: &[T], out: &mut Vec<[T; 3]>) {
+        let (mut at, mut done, mut start) = (0, 0, 0);
+        let mut triangles = Vec::new();
+        let plain = |count: usize, at: &mut usize, out: &mut Vec<[T; 3]>| {
+            for corners in values[*at..*at + 3 * count].chunks_exact(3) {
+                out.push([corners[0], corners[1], corners[2]]);
+            }
+            *at += 3 * count;
+        };
+        for &(before, end) in &self.polygons {
+            plain(before - done, &mut at, out);
+            let corners = &self.corners[start..end];
+            triangles.clear();
+            polygon::triangulate(corners, positions, &mut triangles);
+            let own = &values[at..at + corners.len()];
+            let value = |vertex: u32| {
+                let place = corners
+                    .iter()
+                    .position(|&v| v == vertex)
+                    .unwrap_or_default();
+                own[place]
+            };
+            out.extend(triangles.iter().map(|t| t.map(value)));
+            at += corners.len();
+            (done, start) = (before, end);
+        }
+        plain(self.triangles.len() - done, &mut at, out);
+    }
+
     /// All faces as triangles, in order, and how many faces had fewer than three distinct corners.
     pub(super) fn triangulate(
         self,

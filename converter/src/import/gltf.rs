@@ -1,14 +1,16 @@
 //! glTF 2.0 (Khronos, ISO/IEC 12113:2022), as `.glb` and as `.gltf` with embedded or neighbouring buffers.
 //!
 //! The triangles of every node of the scene, in world coordinates: transforms (mirroring ones turn the triangles round), lists,
-//! strips and fans, with or without indices, sparse accessors, `KHR_mesh_quantization`, vertex colours and base colour factors. Geometry that is
+//! strips and fans, with or without indices, sparse accessors, `KHR_mesh_quantization`, vertex colours, base colour factors and
+//! textures. Geometry that is
 //! compressed or instanced by an extension is refused by name rather than left out.
 //!
 //! The JSON is parsed by the `gltf` crate; accessors are read here, because its readers know float positions only.
-//! Limits: animations, skins and morph targets are ignored, textures are not sampled.
+//! Limits: animations, skins and morph targets are ignored; of materials only the base colour is read.
 
 mod accessor;
 mod container;
+mod material;
 mod scene;
 
 use super::Soup;
@@ -53,8 +55,8 @@ fn read(root: Root, binary: Option<&[u8]>, path: &Path) -> Result<Soup, ParseErr
         buffers,
         total_bytes,
     };
-    let mut soup = scene::read(&document)?;
-    soup.referenced_bytes = referenced_bytes;
+    let mut soup = scene::read(&document, path)?;
+    soup.referenced_bytes += referenced_bytes;
     Ok(soup)
 }
 

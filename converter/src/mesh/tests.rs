@@ -17,7 +17,7 @@ proptest! {
         let corner = |i: usize| u32::try_from(i % n).unwrap();
         let triangles: Vec<[u32; 3]> = picks.iter().map(|&(a, b, c)| [corner(a), corner(b), corner(c)]).collect();
         let colours = if coloured { vec![[7; 3]; n] } else { Vec::new() };
-        let imported = ImportedMesh { positions, colours, triangles };
+        let imported = ImportedMesh { positions, colours, triangles, ..ImportedMesh::default() };
         match prepare(imported.clone()) {
             Ok((mesh, account)) => {
                 prop_assert_eq!(mesh.check(), Ok(()));
@@ -44,6 +44,7 @@ fn boundary_loops_are_simple() {
         positions,
         colours: Vec::new(),
         triangles: vec![[0, 1, 2], [0, 3, 4], [0, 5, 6], [0, 2, 3]],
+        ..ImportedMesh::default()
     };
     let (mesh, _) = prepare(imported).unwrap();
     let mut borders = vec![0; mesh.positions.len()];
@@ -85,6 +86,7 @@ fn normals_of_a_sphere_point_from_its_centre() {
             positions,
             colours: Vec::new(),
             triangles: triangles.clone(),
+            ..ImportedMesh::default()
         })
         .unwrap();
         assert_eq!((mesh.check(), account.check()), (Ok(()), Ok(())));

@@ -431,7 +431,10 @@ fn points_of_the_source_stand_for_its_area() {
         for resolution in [0, 2, 5] {
             let mut sum = 0.0;
             sampler.visit_points(Window::whole(resolution), |point| sum += point.area);
-            assert!((sum / area - 1.0).abs() < 1e-9, "{resolution}: {sum} {area}");
+            assert!(
+                (sum / area - 1.0).abs() < 1e-9,
+                "{resolution}: {sum} {area}"
+            );
         }
         let mut sum = 0.0;
         for (x, y) in (0..4).flat_map(|y| (0..4).map(move |x| (x * 8, y * 8))) {

@@ -18,6 +18,7 @@ const LIMITS: Limits = Limits {
     metadata_bytes: 1 << 12,
     section_bytes: 1 << 20,
     page_bytes: 1 << 14,
+    tiles: 1 << 12,
 };
 
 fuzz_target!(|data: &[u8]| {

@@ -162,7 +162,9 @@ impl Document {
         };
         let geometry = sum([geometry, self.base_parts.geometry, more_geometry]);
         let normals = sum([normals, self.base_parts.normals, more_normals]);
-        let colour = sum([colour, self.base_parts.colours, more_colour]);
+        let tiles =
+            length(SectionKind::ColourDirectory).saturating_add(length(SectionKind::ColourTiles));
+        let colour = sum([colour, self.base_parts.colours, more_colour]).saturating_add(tiles);
         let total = self.header.file_length;
         let header = [index, geometry, normals, colour]
             .iter()

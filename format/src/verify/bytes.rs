@@ -6,7 +6,7 @@ use crate::header::{SectionKind, seed};
 use crate::index::block::facts_of;
 use crate::reader::FIRST_IMAGE_BYTES;
 use crate::rules::Tally;
-use crate::{ByteSource, Document, Error};
+use crate::{ByteSource, ColourIndex, Document, Error, Limits, colour};
 use std::ops::Range;
 use xxhash_rust::xxh3::Xxh3;
 
@@ -115,6 +115,22 @@ fn compute_content_id(document: &Document, source: &dyn ByteSource) -> Result<[u
             hasher.update(part);
         }
         for_each_chunk(source, range(SectionKind::ClusterPages)?, |chunk| {
+            hasher.update(chunk);
+        })?;
+    }
+    if let Some(mut index) = ColourIndex::of(document, Limits::default())? {
+        let directory = source.read(index.directory_range())?;
+        index.load_directory(&directory)?;
+        for part in colour::content_of(&directory) {
+            hasher.update(part);
+        }
+        let mut end = range(SectionKind::ColourTiles)?.start;
+        for block in 0..index.block_count() {
+            let bytes = source.read(index.block_range(block))?;
+            hasher.update(colour::facts_of(index.block_tiles(block).len(), &bytes));
+            end = index.block_range(block).end;
+        }
+        for_each_chunk(source, end..range(SectionKind::ColourTiles)?.end, |chunk| {
             hasher.update(chunk);
         })?;
     }

@@ -123,6 +123,7 @@ impl Model<'_> {
         let content = Content {
             charts: &charts,
             clusters: Some(clusters),
+            colour: None,
         };
         let parts = write(&self.metadata(), &self.lattice(), &content, &mut out)?;
         assert_eq!(parts.total, out.len() as u64);

@@ -1,7 +1,9 @@
 //! One open file.
 
 use super::Facts;
-use marquetry_format::{ByteSource, Document, Error, Limits, PageId, SourceError};
+use marquetry_format::{
+    ByteSource, ColourIndex, Document, Error, Limits, PageId, SourceError, TileId,
+};
 use std::fs::{File, Metadata};
 use std::io;
 use std::ops::{Range, RangeInclusive};
@@ -92,6 +94,8 @@ pub(crate) struct OpenFile {
     handle: Handle,
     /// Grows by index blocks as pages are asked for.
     document: RwLock<Document>,
+    /// The same of colour tiles, where the file has them.
+    tiles: Option<RwLock<ColourIndex>>,
     content_id: String,
 }
 
@@ -118,9 +122,11 @@ impl OpenFile {
         let handle = Handle { file, version };
         let document = Document::open(&handle, Limits::default())?;
         let content_id = document.content_id_hex();
+        let tiles = ColourIndex::of(&document, Limits::default())?;
         Ok(Self {
             handle,
             document: RwLock::new(document),
+            tiles: tiles.map(RwLock::new),
             content_id,
         })
     }
@@ -145,7 +151,7 @@ impl OpenFile {
         self.handle.read(range)
     }
 
-    /// The stored bytes of `pages`, one page after the other.
+    /// The stored bytes of `pages`, one page after the other; numbers after the last page are those of colour tiles.
     ///
     /// Index blocks are read on the way and kept. At most `limit_bytes` are read.
     pub(crate) fn read_pages(
@@ -155,23 +161,63 @@ impl OpenFile {
     ) -> Result<Vec<u8>, PagesError> {
         let (first, last) = (PageId(*pages.start()), PageId(*pages.end()));
         let count = self.read_document(Document::stored_page_count);
-        if last.0 >= count {
-            return Err(PagesError::Beyond {
-                page: last.0,
-                count,
-            });
-        }
-        self.load_index_of(first, last)?;
-        let range = self
-            .read_document(|document| document.page_range_bytes(first, last))
-            .ok_or_else(|| {
-                let what = format!("pages {} to {} have no valid place", first.0, last.0);
-                Error::from(SourceError::Other(what))
-            })?;
+        let range = if last.0 < count {
+            self.load_index_of(first, last)?;
+            self.read_document(|document| document.page_range_bytes(first, last))
+        } else {
+            self.tile_range(first, last, count)?
+        };
+        let range = range.ok_or_else(|| {
+            let what = format!("pages {} to {} have no valid place", first.0, last.0);
+            Error::from(SourceError::Other(what))
+        })?;
         if range.end.saturating_sub(range.start) > limit_bytes {
             return Err(PagesError::TooLong { limit: limit_bytes });
         }
         Ok(self.read(range).map_err(Error::from)?)
+    }
+
+    /// Where the tiles lie that have the page numbers `first` to `last`, of which the last is beyond the `pages` of the
+    /// geometry.
+    fn tile_range(
+        &self,
+        first: PageId,
+        last: PageId,
+        pages: u32,
+    ) -> Result<Option<Range<u64>>, PagesError> {
+        let beyond = |count| PagesError::Beyond {
+            page: last.0,
+            count,
+        };
+        let tiles = self.tiles.as_ref().ok_or_else(|| beyond(pages))?;
+        let read = || tiles.read().unwrap_or_else(PoisonError::into_inner);
+        let write = || tiles.write().unwrap_or_else(PoisonError::into_inner);
+        if !read().has_directory() {
+            let range = read().directory_range();
+            let bytes = self.read(range).map_err(Error::from)?;
+            write().load_directory(&bytes)?;
+        }
+        let count = pages.saturating_add(read().tile_count());
+        let (Some(first), Some(end)) = (first.0.checked_sub(pages), last.0.checked_sub(pages))
+        else {
+            // Pages and tiles do not lie side by side.
+            return Err(beyond(pages));
+        };
+        if last.0 >= count {
+            return Err(beyond(count));
+        }
+        let (first, last) = (TileId(first), TileId(end));
+        let blocks = read().block_of(first)..=read().block_of(last);
+        for block in blocks {
+            if !read().has_block(block) {
+                let range = read().block_range(block);
+                let bytes = self.read(range).map_err(Error::from)?;
+                write().load_block(block, &bytes)?;
+            }
+        }
+        let index = read();
+        let range = index.tile_range(first).zip(index.tile_range(last));
+        Ok(range.map(|(first, last)| first.start..last.end))
     }
 
     /// Loads the index blocks of pages `first` to `last`, which exist.

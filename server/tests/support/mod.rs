@@ -3,8 +3,12 @@
 #![allow(dead_code, reason = "each test file uses a part of it")]
 #![allow(clippy::unwrap_used, reason = "all of this is part of tests")]
 
-use marquetry_format::writer::{ChartInput, NodeInput, write_atlas};
-use marquetry_format::{ContentKind, Lattice, Metadata, NodeId, NormalCone, PageSamples, Quadrant};
+use marquetry_format::writer::{
+    ChartInput, ChartTiles, ColourInput, Content, NodeInput, TileInput, write,
+};
+use marquetry_format::{
+    ContentKind, Lattice, Metadata, NodeId, NormalCone, PageSamples, Quadrant, TexelSize,
+};
 use marquetry_server::{Config, Server};
 use std::fmt::Write as _;
 use std::io::{Read, Write};
@@ -15,6 +19,26 @@ use tokio::sync::oneshot;
 
 /// Bytes of a file with one chart of five pages; `seed` makes its content, and so its content id.
 pub(crate) fn marq(seed: u32) -> Vec<u8> {
+    written(seed, None)
+}
+
+/// The same with three colour tiles.
+pub(crate) fn textured_marq(seed: u32) -> Vec<u8> {
+    let frame = include_bytes!("../../../format/tests/data/tile_12x12.vp8");
+    let tile = |children| TileInput {
+        bytes: frame.to_vec(),
+        children,
+    };
+    let leaf = || Some(Box::new(tile([const { None }; 4])));
+    let size = TexelSize {
+        width: 8,
+        height: 8,
+    };
+    let root = tile([leaf(), None, None, leaf()]);
+    written(seed, Some(vec![Some(ChartTiles { size, root })]))
+}
+
+fn written(seed: u32, colour: Option<ColourInput>) -> Vec<u8> {
     let lattice = Lattice {
         origin: [0.0; 3],
         step: 1e-3,
@@ -42,7 +66,12 @@ pub(crate) fn marq(seed: u32) -> Vec<u8> {
         root: node(root, Some(Box::new(children)), seed),
     };
     let mut bytes = Vec::new();
-    write_atlas(&metadata, &lattice, &[chart], &mut bytes).unwrap();
+    let content = Content {
+        charts: &[chart],
+        clusters: None,
+        colour: colour.as_ref(),
+    };
+    write(&metadata, &lattice, &content, &mut bytes).unwrap();
     bytes
 }
 

@@ -1,6 +1,7 @@
 //! Data laid out for the shaders; `tests/layout_match.rs` compares it with what naga makes of the WGSL.
 
 use crate::camera::View;
+use crate::colour::map::{MapPlace, NO_TILES};
 use crate::lod::edge_morph::SideMode;
 use crate::lod::{Cut, Leaf};
 use crate::options::Shade;
@@ -19,7 +20,7 @@ pub struct Frame {
     pub clip_from_offset: [[f32; 4]; 4],
     /// Whole part of the eye on the lattice.
     pub eye_whole: [i32; 3],
-    /// What is shown: 0 lit, 1 normal, 2 lod, 3 wire.
+    /// What is shown: 0 lit, 1 normal, 2 lod, 3 wire, 4 unlit.
     pub shade: u32,
     /// Rest of the eye on the lattice, 0..1.
     pub eye_fraction: [f32; 3],
@@ -45,6 +46,7 @@ impl Frame {
                 Shade::Normal => 1,
                 Shade::Lod => 2,
                 Shade::Wire => 3,
+                Shade::Unlit => 4,
             },
             eye_fraction: glam::DVec3::from_array(view.eye.fraction)
                 .as_vec3()
@@ -68,12 +70,14 @@ pub struct Instance {
     pub sides: [f32; 4],
     /// Morph of everything that is on no side.
     pub morph: f32,
+    /// The node's part of the colour map; see [`MapPlace`].
+    pub tiles: MapPlace,
 }
 
 impl Instance {
-    /// Vertex attributes: locations 0..=2.
-    pub const ATTRIBUTES: [wgpu::VertexAttribute; 3] =
-        wgpu::vertex_attr_array![0 => Uint32x4, 1 => Float32x4, 2 => Float32];
+    /// Vertex attributes: locations 0..=3.
+    pub const ATTRIBUTES: [wgpu::VertexAttribute; 4] =
+        wgpu::vertex_attr_array![0 => Uint32x4, 1 => Float32x4, 2 => Float32, 3 => Uint32x2];
 
     /// `leaf`, whose samples are in `slot`.
     pub fn new(leaf: Leaf, slot: Slot, morph: f32, sides: [SideMode; 4]) -> Self {
@@ -91,6 +95,7 @@ impl Instance {
                 SideMode::Snap => SNAP,
             }),
             morph,
+            tiles: [0, NO_TILES],
         }
     }
 }

@@ -14,6 +14,7 @@
 //! Everything but [`passes`] works without a GPU: [`lod::mesh`] is the reference of what the shaders draw.
 
 pub mod camera;
+pub mod colour;
 pub mod controls;
 pub mod error;
 pub mod gpu_types;

@@ -63,22 +63,25 @@ pub enum Shade {
     Lod,
     /// The triangles' edges over the lit surface.
     Wire,
+    /// The surface's own colours, without light.
+    Unlit,
 }
 
 impl FromStr for Shade {
     type Err = EngineError;
 
-    /// Reads `lit`, `normal`, `lod`, `wire`.
+    /// Reads `lit`, `normal`, `lod`, `wire`, `unlit`.
     fn from_str(text: &str) -> Result<Self, EngineError> {
         match text {
             "lit" => Ok(Self::Lit),
             "normal" => Ok(Self::Normal),
             "lod" => Ok(Self::Lod),
             "wire" => Ok(Self::Wire),
+            "unlit" => Ok(Self::Unlit),
             _ => Err(EngineError::Option {
                 name: "shade",
                 value: text.to_owned(),
-                expected: "lit, normal, lod or wire",
+                expected: "lit, normal, lod, wire or unlit",
             }),
         }
     }

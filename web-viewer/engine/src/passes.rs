@@ -2,6 +2,7 @@
 
 pub mod atlas;
 pub mod cluster;
+pub mod colour;
 pub mod grid;
 pub mod timer;
 
@@ -9,6 +10,7 @@ use crate::gpu_types::Frame;
 use crate::{EngineError, Viewer, Viewport};
 use atlas::AtlasTextures;
 use cluster::{ClusterBuffers, ClusterPass};
+use colour::TileTextures;
 use grid::{DEPTH_FORMAT, GridPass, SAMPLES};
 use timer::GpuTimer;
 
@@ -33,6 +35,7 @@ struct Scene {
     viewer: u64,
     atlas: AtlasTextures,
     clusters: ClusterBuffers,
+    tiles: TileTextures,
     instances: wgpu::Buffer,
 }
 
@@ -130,7 +133,7 @@ impl Renderer {
                 timestamp_writes: self.timer.as_ref().map(GpuTimer::writes),
                 ..Default::default()
             });
-            let textures = self.grid.bind(&self.device, &scene.atlas);
+            let textures = self.grid.bind(&self.device, &scene.atlas, &scene.tiles);
             self.grid.draw(
                 &mut pass,
                 &textures,
@@ -170,6 +173,7 @@ impl Scene {
             viewer: viewer.id(),
             atlas: AtlasTextures::new(device, viewer.texture_layers(), has_colours)?,
             clusters: ClusterBuffers::new(device, viewer.cluster_slots()),
+            tiles: TileTextures::new(device),
             instances: instance_buffer(device, 256),
         })
     }
@@ -184,12 +188,7 @@ impl Scene {
         let atlas = self.atlas.grown(device, encoder, viewer.texture_layers())?;
         let clusters = self.clusters.grown(device, encoder, viewer.cluster_slots());
         if atlas.is_some() || clusters.is_some() {
-            // The copy has to come before the uploads, which the queue runs first of all it is given.
-            let copy = std::mem::replace(
-                encoder,
-                device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default()),
-            );
-            queue.submit([copy.finish()]);
+            submit_before_uploads(device, queue, encoder);
         }
         if let Some(grown) = atlas {
             self.atlas = grown;
@@ -202,6 +201,15 @@ impl Scene {
         }
         for upload in viewer.take_cluster_uploads() {
             self.clusters.write(queue, &upload);
+        }
+        if let Some(layer) = viewer.colour_layer() {
+            if self.tiles.grow(device, encoder, layer.layers())? {
+                submit_before_uploads(device, queue, encoder);
+            }
+            for upload in layer.take_uploads() {
+                self.tiles.write(queue, &upload);
+            }
+            self.tiles.write_map(device, queue, layer.map());
         }
         let bytes: &[u8] = bytemuck::cast_slice(&viewer.draw_list().instances);
         let needed = u64::try_from(bytes.len()).unwrap_or(u64::MAX);
@@ -238,6 +246,19 @@ impl Surface {
             depth: texture("depth", DEPTH_FORMAT),
         }
     }
+}
+
+/// Submits the copies in `encoder`, which have to come before the uploads: the queue runs these first of all it is given.
+fn submit_before_uploads(
+    device: &wgpu::Device,
+    queue: &wgpu::Queue,
+    encoder: &mut wgpu::CommandEncoder,
+) {
+    let copy = std::mem::replace(
+        encoder,
+        device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default()),
+    );
+    queue.submit([copy.finish()]);
 }
 
 fn instance_buffer(device: &wgpu::Device, bytes: u64) -> wgpu::Buffer {

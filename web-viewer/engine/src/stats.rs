@@ -13,6 +13,25 @@ pub struct PageStats {
     pub missing: u64,
 }
 
+/// Colour tiles since the file was opened.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub struct TileStats {
+    /// Tiles asked for, retries not counted twice.
+    pub requested: u64,
+    /// Tiles that arrived and decoded.
+    pub fetched: u64,
+    /// Bytes of tiles and their index that arrived.
+    pub bytes: u64,
+    /// Tiles that the present view wants and that are not resident.
+    pub missing: u64,
+    /// What resident tiles take on the GPU.
+    pub used_bytes: u64,
+    /// Tiles evicted so far.
+    pub evictions: u64,
+    /// Fetches that failed so far.
+    pub failures: u64,
+}
+
 /// The page cache.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct CacheStats {
@@ -37,6 +56,8 @@ pub struct Stats {
     pub draw_calls: u64,
     /// Pages.
     pub pages: PageStats,
+    /// Colour tiles.
+    pub tiles: TileStats,
     /// Page cache.
     pub cache: CacheStats,
     /// Fetches that failed so far, retries included.

@@ -7,10 +7,12 @@ use crate::lod::balance;
 use crate::lod::cut::{Cut, Leaf, QUADRANTS};
 use glam::DVec3;
 use marquetry_format::quadtree::PAGE_RESOLUTION;
-use marquetry_format::writer::{ChartInput, ClusterInput, Content, NodeInput, write, write_atlas};
+use marquetry_format::writer::{
+    ChartInput, ChartTiles, ClusterInput, ColourInput, Content, NodeInput, TileInput, write,
+};
 use marquetry_format::{
     Chart, ChartId, ClusterMesh, ContentKind, Document, Error, Glue, Lattice, LatticePoint, Limits,
-    Metadata, NodeId, NormalCone, PageSamples, Side, octahedral,
+    Metadata, NodeId, NormalCone, PageSamples, Quadrant, Side, TexelSize, octahedral,
 };
 
 /// Geometric error, lattice units, that a made-up atlas claims at resolution 0; a quarter of it at each further one.
@@ -43,6 +45,23 @@ impl Random {
     /// A number in 0..1.
     pub fn unit(&mut self) -> f64 {
         f64::from(self.below(1 << 24)) / f64::from(1 << 24)
+    }
+}
+
+/// A picture of 12 × 12 texels: a tile of 8 × 8 with its gutter.
+const TILE_FRAME: &[u8] = include_bytes!("../../../format/tests/data/tile_12x12.vp8");
+
+fn tile(node: NodeId, has_child: &mut dyn FnMut(NodeId) -> bool) -> TileInput {
+    let mut children = [const { None }; 4];
+    for (slot, quadrant) in children.iter_mut().zip((0..4).map(Quadrant)) {
+        let child = node.child(quadrant);
+        if has_child(child) {
+            *slot = Some(Box::new(tile(child, has_child)));
+        }
+    }
+    TileInput {
+        bytes: TILE_FRAME.to_vec(),
+        children,
     }
 }
 
@@ -133,6 +152,7 @@ pub fn clustered(count: u32) -> Result<(Document, Vec<u8>), Error> {
     let content = Content {
         charts: &charts,
         clusters: level.first().map(|(root, _)| root),
+        colour: None,
     };
     let mut bytes = Vec::new();
     write(&metadata, &metadata.lattice, &content, &mut bytes)?;
@@ -245,14 +265,41 @@ impl Shape {
     /// # Errors
     /// Those of the writer.
     pub fn write(self, finest: &Cut) -> Result<Vec<u8>, Error> {
+        self.write_with(finest, None)
+    }
+
+    /// The same with colour tiles of 8 × 8 texels, all of one picture. A tile has the child that `has_child` says.
+    ///
+    /// # Errors
+    /// Those of the writer.
+    pub fn write_textured(
+        self,
+        finest: &Cut,
+        has_child: &mut dyn FnMut(NodeId) -> bool,
+    ) -> Result<Vec<u8>, Error> {
+        let size = TexelSize {
+            width: 8,
+            height: 8,
+        };
+        let charts = (0..self.chart_count()).map(|id| {
+            let root = NodeId::root(ChartId(id));
+            Some(ChartTiles {
+                size,
+                root: tile(root, has_child),
+            })
+        });
+        self.write_with(finest, Some(&charts.collect()))
+    }
+
+    fn write_with(self, finest: &Cut, colour: Option<&ColourInput>) -> Result<Vec<u8>, Error> {
         let metadata = metadata();
         let mut bytes = Vec::new();
-        write_atlas(
-            &metadata,
-            &metadata.lattice,
-            &self.inputs(finest),
-            &mut bytes,
-        )?;
+        let content = Content {
+            charts: &self.inputs(finest),
+            clusters: None,
+            colour,
+        };
+        write(&metadata, &metadata.lattice, &content, &mut bytes)?;
         Ok(bytes)
     }
 

@@ -3,10 +3,13 @@
 //! An update does, in this order: decode what arrived (boundedly), plan (which cut, which pages), animate, and say what to
 //! fetch. Planning is skipped while nothing it depends on has changed.
 
+mod colour;
 mod plan;
 mod stream;
 
 use crate::camera::{STANDARD_DISTANCE, View};
+use crate::colour::layer::ColourLayer;
+use crate::colour::stream::TileStream;
 use crate::controls::{Action, Controls};
 use crate::gpu_types::{ClusterList, DrawList, Frame, Instance};
 use crate::lod::animate::Drawn;
@@ -63,6 +66,9 @@ pub struct Viewer {
     table: PageTable,
     fetcher: Fetcher,
     fetched: u64,
+    colour: Option<ColourLayer>,
+    /// Whether tiles were fading in at the last update.
+    was_fading: bool,
 }
 
 /// What has to be made anew, each because of something before it.
@@ -158,6 +164,8 @@ impl Viewer {
             table,
             fetcher: Fetcher::default(),
             fetched: 0,
+            colour: ColourLayer::new(&document)?,
+            was_fading: false,
             document,
         })
     }
@@ -231,6 +239,7 @@ impl Viewer {
         self.decode_arrived();
         if self.stale.plan || self.planned_resting != self.is_resting() {
             self.plan(&view);
+            self.plan_colour(&view);
         }
         if self.stale.target {
             self.stale.target = false;
@@ -239,6 +248,7 @@ impl Viewer {
             });
         }
         self.animate(seconds);
+        self.fade_colour();
         if self.stale.picture {
             self.stale.picture = false;
             self.stale.frame = true;
@@ -252,6 +262,9 @@ impl Viewer {
     /// A failure (also bytes that are too few, too many or corrupt) is asked for again later, ever more slowly;
     /// see [`Viewer::take_failures`]. Unknown ids are ignored.
     pub fn deliver(&mut self, id: RequestId, answer: Result<Vec<u8>, String>) {
+        if TileStream::owns(id) {
+            return self.deliver_colour(id, answer);
+        }
         if let Delivery::Block(block, bytes) =
             self.fetcher.deliver(self.clock, &self.document, id, answer)
         {
@@ -270,7 +283,11 @@ impl Viewer {
 
     /// What failed since this was last called, in words, oldest first (at most 32).
     pub fn take_failures(&mut self) -> Vec<String> {
-        self.fetcher.take_failures()
+        let mut words = self.fetcher.take_failures();
+        if let Some(layer) = &mut self.colour {
+            words.extend(layer.take_failures());
+        }
+        words
     }
 
     /// Whether there is a picture: true from the first update on, because the base is in memory.
@@ -287,6 +304,7 @@ impl Viewer {
             && self.planned_resting
             && self.wanted.blocks.is_empty()
             && self.missing().all(|needed| !needed.allowed)
+            && self.is_colour_settled()
             && self.drawn.is_at_rest(&self.target)
     }
 
@@ -310,11 +328,17 @@ impl Viewer {
             || !self.planned_resting
             || self.fetcher.has_arrived()
             || self.fetcher.is_pausing()
+            || self.colour_needs_update()
             || !self.drawn.is_at_rest(&self.target)
     }
 
     /// What is drawn and what it took.
     pub fn stats(&self) -> Stats {
+        let tiles = self
+            .colour
+            .as_ref()
+            .map(ColourLayer::stats)
+            .unwrap_or_default();
         Stats {
             triangles: self.draw_list.triangles() + self.cluster_list.triangles,
             nodes: self.draw_list.instances.len() as u64 + self.cluster_list.nodes,
@@ -325,21 +349,23 @@ impl Viewer {
                 bytes: self.fetcher.received_bytes(),
                 missing: self.missing().count() as u64,
             },
+            tiles,
             cache: CacheStats {
                 capacity_bytes: self.options.cache_bytes,
-                used_bytes: self.table.used_bytes(),
+                used_bytes: self.table.used_bytes() + tiles.used_bytes,
                 pinned_bytes: self.table.pinned_bytes(),
                 evictions: self.table.evictions(),
             },
-            failures: self.fetcher.failure_count(),
+            failures: self.fetcher.failure_count() + tiles.failures,
             error_px: self.paged_error_px(self.budget_step),
         }
     }
 
     /// How much of what the view wants is there, 0..=1; 1 when nothing is missing.
     pub fn progress(&self) -> f64 {
-        let missing = self.missing().count() + self.wanted.blocks.len();
-        let all = self.needed.len() + self.wanted.blocks.len();
+        let (tiles, missing_tiles) = self.colour.as_ref().map_or((0, 0), ColourLayer::progress);
+        let missing = self.missing().count() + self.wanted.blocks.len() + missing_tiles;
+        let all = self.needed.len() + self.wanted.blocks.len() + tiles;
         if missing == 0 {
             1.0
         } else {
@@ -453,6 +479,11 @@ impl Viewer {
     fn collect(&mut self, view: &View) {
         let document = &self.document;
         let drawn = &self.drawn;
+        let (mut colour, now) = (self.colour.take(), self.clock);
+        let fade_seconds = self.fade_seconds();
+        if let Some(layer) = &mut colour {
+            layer.clear_map();
+        }
         self.draw_list = DrawList::new(&drawn.cut, |leaf| {
             let bounds = self.forest.bounds(document, leaf.node)?;
             if !view.sees(&bounds) {
@@ -467,12 +498,11 @@ impl Viewer {
                 self.table.slot(document.page_of_node(leaf.node)?)?
             };
             let sides = side_modes(&drawn.cut, &drawn.morphs, &document.charts, leaf);
-            Some(Instance::new(
-                leaf,
-                slot,
-                morph_of(&drawn.morphs, leaf),
-                sides,
-            ))
+            let mut instance = Instance::new(leaf, slot, morph_of(&drawn.morphs, leaf), sides);
+            if let Some(layer) = &mut colour {
+                instance.tiles = layer.add_to_map(leaf.node, now, fade_seconds);
+            }
+            Some(instance)
         });
         self.cluster_list = ClusterList::new(
             cluster::drawn(document, &drawn.cut)
@@ -483,6 +513,7 @@ impl Viewer {
                     view.sees(&node.bounds).then_some((slot, node.triangles))
                 }),
         );
+        self.colour = colour;
     }
 }
 

@@ -68,6 +68,23 @@ pub struct PagesReport {
     pub missing: u64,
 }
 
+/// Colour tiles, as in the `render` report.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize)]
+pub struct TilesReport {
+    /// Tiles asked for.
+    pub requested: u64,
+    /// Tiles that came.
+    pub fetched: u64,
+    /// Bytes of tiles and their index that came.
+    pub bytes: u64,
+    /// Tiles wanted that did not come.
+    pub missing: u64,
+    /// What resident tiles take; part of the cache's `used_bytes`.
+    pub used_bytes: u64,
+    /// Tiles evicted.
+    pub evictions: u64,
+}
+
 /// The cache, as in the `render` report.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize)]
 pub struct CacheReport {
@@ -102,6 +119,8 @@ pub struct RenderReport {
     pub error_px: f64,
     /// Pages, over all frames.
     pub pages: PagesReport,
+    /// Colour tiles, over all frames.
+    pub tiles: TilesReport,
     /// The cache after the last frame.
     pub cache: CacheReport,
     /// Graphics adapter.
@@ -228,6 +247,14 @@ impl Times {
                 fetched: stats.pages.fetched,
                 bytes: stats.pages.bytes,
                 missing: stats.pages.missing,
+            },
+            tiles: TilesReport {
+                requested: stats.tiles.requested,
+                fetched: stats.tiles.fetched,
+                bytes: stats.tiles.bytes,
+                missing: stats.tiles.missing,
+                used_bytes: stats.tiles.used_bytes,
+                evictions: stats.tiles.evictions,
             },
             cache: CacheReport {
                 capacity_bytes: stats.cache.capacity_bytes,

@@ -146,7 +146,7 @@ export class MarquetryViewer extends HTMLElement {
     this.#wake();
   }
 
-  /** What the surface's colour shows: lit, normal, lod, wire. */
+  /** What the surface's colour shows: lit, normal, lod, wire, unlit. */
   get shade() {
     return this.#view?.shade ?? this.getAttribute("shade") ?? "lit";
   }

@@ -87,7 +87,7 @@ impl View {
         Ok(self.viewer.set_options(options)?)
     }
 
-    /// What the surface's colour shows: `lit`, `normal`, `lod` or `wire`. Keys change it too.
+    /// What the surface's colour shows: `lit`, `normal`, `lod`, `wire` or `unlit`. Keys change it too.
     #[wasm_bindgen(getter)]
     pub fn shade(&self) -> String {
         match self.viewer.options().shade {
@@ -95,6 +95,7 @@ impl View {
             Shade::Normal => "normal",
             Shade::Lod => "lod",
             Shade::Wire => "wire",
+            Shade::Unlit => "unlit",
         }
         .to_owned()
     }
@@ -176,6 +177,7 @@ impl View {
             let (pages, first, last) = match request.kind {
                 RequestKind::Pages { first, last } => (1, first.0, last.0),
                 RequestKind::IndexBlock(block) => (0, block, block),
+                RequestKind::Bytes => (0, 0, 0),
             };
             [
                 request.id.0,

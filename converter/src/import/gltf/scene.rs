@@ -1,5 +1,6 @@
 //! The node tree, and the triangles that hang in it.
 
+use super::material::{self, Use};
 use super::{Document, Soup, fault};
 use crate::error::{Fault, ParseError, Place};
 use crate::import::colour::LinearToSrgb;
@@ -8,13 +9,15 @@ use ::gltf::json::mesh::{Mode, Primitive, Semantic};
 use ::gltf::json::validation::Checked;
 use ::gltf::json::{Index, Node};
 use glam::{DMat4, DQuat, DVec3};
+use std::path::Path;
 
-pub(super) fn read(document: &Document) -> Result<Soup, ParseError> {
+pub(super) fn read(document: &Document, path: &Path) -> Result<Soup, ParseError> {
     let mut reader = Reader {
         document,
         soup: Soup::default(),
         coloured: false,
         srgb: LinearToSrgb::new(),
+        uses: Vec::new(),
         // Instances multiply the geometry; 64 times its bytes, or 64 Mi elements, is more than any real scene.
         budget: (document.total_bytes.saturating_mul(64)).max(1 << 26),
     };
@@ -30,11 +33,15 @@ pub(super) fn read(document: &Document) -> Result<Soup, ParseError> {
         }
     }
     let Reader {
-        mut soup, coloured, ..
+        mut soup,
+        coloured,
+        uses,
+        ..
     } = reader;
     if !coloured {
         soup.colours = Vec::new();
     }
+    soup.appearance = material::read(document, path, &uses, &soup.faces)?;
     Ok(soup)
 }
 
@@ -120,6 +127,8 @@ struct Reader<'a> {
     soup: Soup,
     coloured: bool,
     srgb: LinearToSrgb,
+    /// Materials of the triangles so far.
+    uses: Vec<Use>,
     /// Vertices and corners that may still be added.
     budget: u64,
 }
@@ -179,6 +188,8 @@ impl Reader<'_> {
                 return Err(ParseError::at(Place::File, fault));
             }
             self.push_triangles(mode, &indices, first, world_from_node.determinant() < 0.0);
+            self.uses
+                .push(Use::of(primitive, first, self.soup.faces.len()));
         }
         Ok(())
     }

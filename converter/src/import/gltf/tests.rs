@@ -232,3 +232,91 @@ fn instances_cannot_multiply_without_end() {
     let error = read_glb(&text, &vec![0; 360_000]).unwrap_err();
     assert!(error.contains("instances"), "{error}");
 }
+
+/// The square with texture coordinates (accessor 2), one material and one image that `image` says.
+fn textured(material: &str, image: &str, sampler: &str) -> (String, Vec<u8>) {
+    let mut bytes = square();
+    for uv in [[0.0_f32, 0.0], [1.0, 0.0], [0.0, 1.0], [1.0, 1.0]] {
+        bytes.extend(uv.iter().flat_map(|x| x.to_le_bytes()));
+    }
+    let more = format!(
+        r#","materials":[{{"normalTexture":{{"index":0}},"pbrMetallicRoughness":{{{material}}}}}],
+        "textures":[{{"source":0,"sampler":0}}],"samplers":[{{{sampler}}}],"images":[{{{image}}}]"#
+    );
+    let json = json("", r#","indices":1,"mode":5,"material":0"#, &more)
+        .replace(r#"{"POSITION":0}"#, r#"{"POSITION":0,"TEXCOORD_0":2}"#)
+        .replace(
+            r#""type":"SCALAR"}]"#,
+            r#""type":"SCALAR"},{"bufferView":2,"componentType":5126,"count":4,"type":"VEC2"}]"#,
+        )
+        .replace(
+            r#""byteLength":4}]"#,
+            r#""byteLength":4},{"buffer":0,"byteOffset":52,"byteLength":32}]"#,
+        )
+        .replace(
+            r#""buffers":[{"byteLength":52}]"#,
+            r#""buffers":[{"byteLength":84}]"#,
+        );
+    (json, bytes)
+}
+
+#[test]
+fn base_colour_textures_cover_their_triangles() {
+    use crate::texture::appearance::Wrap;
+    use glam::{Vec2, Vec3};
+    let (text, bytes) = textured(
+        r#""baseColorFactor":[1,0.5,0,1],"baseColorTexture":{"index":0}"#,
+        r#""bufferView":1,"mimeType":"image/png""#,
+        r#""wrapS":33071,"wrapT":33648"#,
+    );
+    let appearance = read_glb(&text, &bytes).unwrap().appearance;
+    assert_eq!(appearance.images[0].bytes, [0, 1, 2, 3]);
+    let material = appearance.materials[0];
+    assert_eq!(material.factor, Vec3::new(1.0, 0.5, 0.0));
+    assert_eq!(material.wrap, [Wrap::Clamp, Wrap::Mirror]);
+    assert_eq!(appearance.normal_maps, 1);
+    assert_eq!(appearance.faces[0].uv, [Vec2::ZERO, Vec2::X, Vec2::Y]);
+    assert_eq!(appearance.faces[1].uv, [Vec2::Y, Vec2::X, Vec2::ONE]);
+}
+
+#[test]
+fn texture_coordinates_are_transformed() {
+    use glam::Vec2;
+    let (text, bytes) = textured(
+        r#""baseColorTexture":{"index":0,"extensions":{"KHR_texture_transform":{"offset":[1,2],"rotation":1.5707963,"scale":[2,3]}}}"#,
+        r#""uri":"data:image/png;base64,AAEC""#,
+        "",
+    );
+    let appearance = read_glb(&text, &bytes).unwrap().appearance;
+    assert_eq!(appearance.images[0].bytes, [0, 1, 2]);
+    // As the extension's specification writes it: translation · rotation · scale, rotation by (cos, sin; −sin, cos).
+    let expected = [[1.0, 2.0], [1.0, 0.0], [4.0, 2.0]];
+    for (found, expected) in appearance.faces[0].uv.iter().zip(expected) {
+        assert!(
+            found.distance(Vec2::from_array(expected)) < 1e-5,
+            "{found} {expected:?}"
+        );
+    }
+}
+
+#[test]
+fn images_that_are_missing_cost_a_warning() {
+    for (image, part) in [
+        (r#""uri":"gone.png""#, "gone.png"),
+        (r#""bufferView":9"#, "within its buffer"),
+        (r#""name":"empty""#, "neither"),
+    ] {
+        let (text, bytes) = textured(r#""baseColorTexture":{"index":0}"#, image, "");
+        let appearance = read_glb(&text, &bytes).unwrap().appearance;
+        assert!(
+            appearance.warnings[0].contains(part),
+            "{:?}",
+            appearance.warnings
+        );
+        assert!(!appearance.is_textured());
+    }
+    let (text, bytes) = textured(r#""baseColorTexture":{"index":0}"#, r#""bufferView":1"#, "");
+    let without = text.replace(r#","TEXCOORD_0":2"#, "");
+    let appearance = read_glb(&without, &bytes).unwrap().appearance;
+    assert!(appearance.warnings[0].contains("2 triangles"));
+}

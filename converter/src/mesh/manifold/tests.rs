@@ -7,6 +7,7 @@ fn mesh(points: &[[f64; 3]], triangles: &[[u32; 3]]) -> ImportedMesh {
         positions: points.iter().map(|p| DVec3::from_array(*p)).collect(),
         colours: Vec::new(),
         triangles: triangles.to_vec(),
+        ..ImportedMesh::default()
     }
 }
 

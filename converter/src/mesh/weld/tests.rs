@@ -10,6 +10,7 @@ fn soup(triangles: &[[DVec3; 3]]) -> ImportedMesh {
         positions,
         colours: Vec::new(),
         triangles,
+        ..ImportedMesh::default()
     }
 }
 

@@ -4,6 +4,7 @@
 //! is in the sample textures. Lines for [`Shade::Wire`] are a second set of indices over the same vertices.
 
 use super::atlas::AtlasTextures;
+use super::colour::TileTextures;
 use crate::gpu_types::{DrawList, Frame, Instance};
 use crate::options::Shade;
 use std::ops::Range;
@@ -19,6 +20,7 @@ pub const SHADER: &str = concat!(
     include_str!("../shaders/shared/samples.wgsl"),
     include_str!("../shaders/shared/patch_vertex.wgsl"),
     include_str!("../shaders/shared/light.wgsl"),
+    include_str!("../shaders/shared/tiles.wgsl"),
     include_str!("../shaders/grid.wgsl"),
 );
 
@@ -52,6 +54,7 @@ impl GridPass {
             },
             count: None,
         };
+        let tiles = TileTextures::layout(4);
         let layout = device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor {
             label: Some("grid"),
             entries: &[
@@ -68,6 +71,9 @@ impl GridPass {
                 texture(1),
                 texture(2),
                 texture(3),
+                tiles[0],
+                tiles[1],
+                tiles[2],
             ],
         });
         let (triangle_ranges, line_ranges, indices) = grid_indices();
@@ -130,8 +136,14 @@ impl GridPass {
     }
 
     /// Binds the samples to draw from.
-    pub fn bind(&self, device: &wgpu::Device, atlas: &AtlasTextures) -> wgpu::BindGroup {
+    pub fn bind(
+        &self,
+        device: &wgpu::Device,
+        atlas: &AtlasTextures,
+        tiles: &TileTextures,
+    ) -> wgpu::BindGroup {
         let [positions, normals, colours] = atlas.views();
+        let [tile_texels, tile_map] = tiles.views();
         let view = |binding, view| wgpu::BindGroupEntry {
             binding,
             resource: wgpu::BindingResource::TextureView(view),
@@ -147,6 +159,12 @@ impl GridPass {
                 view(1, &positions),
                 view(2, &normals),
                 view(3, &colours),
+                view(4, &tile_texels),
+                wgpu::BindGroupEntry {
+                    binding: 5,
+                    resource: wgpu::BindingResource::Sampler(tiles.sampler()),
+                },
+                view(6, &tile_map),
             ],
         })
     }

@@ -31,7 +31,9 @@ pub struct RequestId(pub u64);
 pub enum RequestKind {
     /// One block of the index; to be had as a byte range only.
     IndexBlock(u32),
-    /// The pages `first..=last`, side by side in the file: as a byte range, or as `/pages/NAME/CID/FIRST-LAST`.
+    /// Something else, to be had as a byte range only.
+    Bytes,
+    /// The pages `first..=last`, or colour tiles under the numbers after the pages, side by side in the file: as a byte range, or as `/pages/NAME/CID/FIRST-LAST`.
     Pages {
         /// First page.
         first: PageId,
@@ -159,6 +161,8 @@ impl Fetcher {
         };
         let items: Vec<Item> = match request.kind {
             RequestKind::IndexBlock(block) => vec![Item::Block(block)],
+            // Not asked for here.
+            RequestKind::Bytes => Vec::new(),
             RequestKind::Pages { first, last } => (first.0..=last.0)
                 .map(|page| Item::Page(PageId(page)))
                 .collect(),
@@ -209,7 +213,7 @@ impl Fetcher {
         }
         match request.kind {
             RequestKind::IndexBlock(block) => Delivery::Block(block, bytes),
-            RequestKind::Pages { .. } => Delivery::Pages,
+            RequestKind::Pages { .. } | RequestKind::Bytes => Delivery::Pages,
         }
     }
 
@@ -270,6 +274,11 @@ impl Fetcher {
     /// Failures in words, oldest first.
     pub fn take_failures(&mut self) -> Vec<String> {
         self.words.drain(..).collect()
+    }
+
+    /// Requests under way.
+    pub fn in_flight(&self) -> usize {
+        self.in_flight.len()
     }
 
     /// Failed fetches so far.

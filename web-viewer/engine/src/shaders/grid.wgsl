@@ -10,9 +10,11 @@ struct FromVertex {
     @location(2) @interpolate(flat) resolution: u32,
     // Lattice units.
     @location(3) to_eye: vec3<f32>,
+    @location(4) uv: vec2<f32>,
+    @location(5) @interpolate(flat) tiles: vec2<u32>,
 }
 
-fn grid_vertex(place: vec4<u32>, sides: vec4<f32>, morph: f32, index: u32) -> FromVertex {
+fn grid_vertex(place: vec4<u32>, sides: vec4<f32>, morph: f32, tiles: vec2<u32>, index: u32) -> FromVertex {
     let vertex = patch_vertex(place, sides, morph, index);
     var out: FromVertex;
     out.clip = frame.clip_from_offset * vec4<f32>(vertex.offset, 1.0);
@@ -20,6 +22,8 @@ fn grid_vertex(place: vec4<u32>, sides: vec4<f32>, morph: f32, index: u32) -> Fr
     out.normal = vertex.normal;
     out.albedo = linear_from_srgb(select(GREY, vertex.colour, frame.has_colours != 0u));
     out.resolution = place.w >> 24u;
+    out.uv = vertex.uv;
+    out.tiles = tiles;
     return out;
 }
 
@@ -28,9 +32,10 @@ fn surface_vertex(
     @location(0) place: vec4<u32>,
     @location(1) sides: vec4<f32>,
     @location(2) morph: f32,
+    @location(3) tiles: vec2<u32>,
     @builtin(vertex_index) index: u32,
 ) -> FromVertex {
-    return grid_vertex(place, sides, morph, index);
+    return grid_vertex(place, sides, morph, tiles, index);
 }
 
 @vertex
@@ -38,9 +43,10 @@ fn line_vertex(
     @location(0) place: vec4<u32>,
     @location(1) sides: vec4<f32>,
     @location(2) morph: f32,
+    @location(3) tiles: vec2<u32>,
     @builtin(vertex_index) index: u32,
 ) -> FromVertex {
-    var out = grid_vertex(place, sides, morph, index);
+    var out = grid_vertex(place, sides, morph, tiles, index);
     // Depth is reversed: a little more is a little nearer. WebGPU has no depth bias for lines.
     out.clip.z = out.clip.z * 1.0005;
     return out;
@@ -55,6 +61,8 @@ fn encoded(colour: vec3<f32>) -> vec4<f32> {
 
 @fragment
 fn surface_fragment(in: FromVertex, @builtin(front_facing) is_front: bool) -> @location(0) vec4<f32> {
+    let along_x = dpdx(in.uv);
+    let along_y = dpdy(in.uv);
     // Zero where interpolated normals cancel: then the viewer's direction is as good as any.
     let squared = dot(in.normal, in.normal);
     let outward = select(frame.back.xyz, in.normal * inverseSqrt(max(squared, 1e-12)), squared > 1e-12);
@@ -64,9 +72,12 @@ fn surface_fragment(in: FromVertex, @builtin(front_facing) is_front: bool) -> @l
     if frame.shade == SHADE_NORMAL {
         return encoded(linear_from_srgb(0.5 + 0.5 * outward));
     }
-    var albedo = in.albedo;
-    if frame.shade == SHADE_LOD {
-        albedo = linear_from_srgb(resolution_colour(in.resolution));
+    var albedo = linear_from_srgb(resolution_colour(in.resolution));
+    if frame.shade != SHADE_LOD {
+        albedo = tile_colour(in.tiles, in.uv, along_x, along_y, in.albedo);
+    }
+    if frame.shade == SHADE_UNLIT {
+        return encoded(albedo);
     }
     return encoded(lit(albedo, normal));
 }

@@ -46,7 +46,7 @@ impl Viewer {
                 needed_pages(&wanted.cut, &viewer.document),
                 cluster::needed(&viewer.document, &wanted.cut),
             );
-            let fits = viewer.cache_bytes(&needed.0, &needed.1) <= viewer.options.cache_bytes
+            let fits = viewer.cache_bytes(&needed.0, &needed.1) <= viewer.page_capacity()
                 || step >= LAST_BUDGET_STEP;
             (fits, wanted, needed)
         };

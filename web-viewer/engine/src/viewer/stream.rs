@@ -21,6 +21,7 @@ fn samples_of(resolution: u8) -> usize {
 impl Viewer {
     /// Decodes what arrived, parents first, as far as one update may and the cache has room.
     pub(super) fn decode_arrived(&mut self) {
+        self.decode_colour();
         let mut left = self.options.pages_per_update * samples_of(PAGE_RESOLUTION);
         for page in self.fetcher.arrived() {
             let Some(needed) = self
@@ -59,7 +60,7 @@ impl Viewer {
             );
             if !self
                 .table
-                .make_room(bytes, self.options.cache_bytes, &self.pinned)
+                .make_room(bytes, self.page_capacity(), &self.pinned)
             {
                 break;
             }
@@ -150,12 +151,17 @@ impl Viewer {
         });
         let pages: Vec<PageId> = missing.into_iter().map(|needed| needed.page).collect();
         let limit = self.options.requests_in_flight;
-        self.fetcher.schedule(
+        let mut requests = self.fetcher.schedule(
             self.clock,
             limit,
             &self.document,
             &self.wanted.blocks,
             &pages,
-        )
+        );
+        if let Some(layer) = &mut self.colour {
+            let spare = limit.saturating_sub(self.fetcher.in_flight());
+            requests.extend(layer.schedule(self.clock, spare));
+        }
+        requests
     }
 }

@@ -1,12 +1,13 @@
 //! Whole viewing sessions against a made-up network: late, out of order, corrupt, never.
 
 use super::*;
+use crate::colour::map::NO_TILES;
 use crate::lod::balance;
 use crate::lod::cut::{Across, SIDES};
 use crate::lod::residency::needed_pages;
 use crate::testing::{Random, Shape, clustered, random_finest};
 use glam::DVec3;
-use marquetry_format::{ByteSource, Limits};
+use marquetry_format::{ByteSource, Limits, NodeId};
 
 const VIEWPORT: Viewport = Viewport {
     width: 800,
@@ -37,6 +38,20 @@ impl Network {
             file,
             open: Vec::new(),
             random: Random::new(seed),
+            faulty_one_in: 0,
+        }
+    }
+
+    /// With colour tiles down to level 5, here and there.
+    fn textured(shape: Shape, seed: u64) -> Self {
+        let mut random = Random::new(seed);
+        let finest = random_finest(&mut random, &shape.charts(5), 2, 5);
+        let mut choose = Random::new(seed + 1);
+        let mut has_child = |node: NodeId| node.level <= 5 && choose.below(8) > 1;
+        Self {
+            file: shape.write_textured(&finest, &mut has_child).unwrap(),
+            open: Vec::new(),
+            random,
             faulty_one_in: 0,
         }
     }
@@ -369,4 +384,55 @@ fn options_outside_their_range_are_refused() {
         assert!(viewer.set_options(bad).is_err());
     }
     assert_eq!(viewer.options(), &ViewerOptions::default());
+}
+
+#[test]
+fn colour_tiles_arrive_over_a_bad_network_within_their_budget() {
+    for seed in 0..3 {
+        let mut network = Network::textured(Shape::Cube, seed);
+        network.faulty_one_in = 4;
+        let mut viewer = network.viewer(ViewerOptions {
+            cache_bytes: 24 << 20,
+            ..ViewerOptions::default()
+        });
+        network.settle(&mut viewer);
+        let stats = viewer.stats();
+        assert!(
+            stats.tiles.fetched > 6 && stats.tiles.missing == 0,
+            "{stats:?}"
+        );
+        assert!(stats.tiles.failures > 0, "{stats:?}");
+        assert!(stats.tiles.used_bytes <= viewer.options().cache_bytes / 2);
+        let layer = viewer.colour.as_ref().unwrap();
+        assert!(
+            viewer
+                .draw_list
+                .instances
+                .iter()
+                .all(|i| i.tiles[1] != NO_TILES)
+        );
+        // Nothing fades any more: every entry has a tile, sharp and whole.
+        for entry in &layer.map().entries {
+            assert!(entry[5] <= 0.0 && entry[6] >= 1.0, "{entry:?}");
+        }
+    }
+}
+
+#[test]
+fn few_bytes_mean_coarser_tiles_and_still_settle() {
+    let mut network = Network::textured(Shape::Cube, 9);
+    let mut fetched = Vec::new();
+    for cache_bytes in [1 << 14, 1 << 18, 1 << 26] {
+        let mut viewer = network.viewer(ViewerOptions {
+            cache_bytes,
+            ..ViewerOptions::default()
+        });
+        network.settle(&mut viewer);
+        fetched.push(viewer.stats().tiles.fetched);
+        network.open.clear();
+    }
+    assert!(
+        fetched[0] < fetched[1] && fetched[1] < fetched[2],
+        "{fetched:?}"
+    );
 }

@@ -13,6 +13,7 @@ struct Frame {
 // 0 is lit; 3 is lit, too, with lines over it.
 const SHADE_NORMAL: u32 = 1u;
 const SHADE_LOD: u32 = 2u;
+const SHADE_UNLIT: u32 = 4u;
 
 @group(0) @binding(0) var<uniform> frame: Frame;
 

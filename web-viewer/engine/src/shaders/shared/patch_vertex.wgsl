@@ -11,6 +11,8 @@ struct PatchVertex {
     normal: vec3<f32>,
     // sRGB.
     colour: vec3<f32>,
+    // Place in the node's square.
+    uv: vec2<f32>,
 }
 
 // A vertex may lie on two sides; the one that moves it more decides.
@@ -58,6 +60,7 @@ fn patch_vertex(place: vec4<u32>, sides: vec4<f32>, own_morph: f32, index: u32) 
     let goal_normal = unpack_normal(normals >> 16u);
 
     var out: PatchVertex;
+    out.uv = vec2<f32>(vec2<u32>(i, j)) / f32(cells);
     out.offset = own_offset + (goal_offset - own_offset) * position_morph;
     out.normal = own_normal + (goal_normal - own_normal) * attribute_morph;
     out.colour = vec3<f32>(1.0);

@@ -1,0 +1,116 @@
+//! What a conversion does about textures: what it takes from the import, and what it gives to the file and the report.
+
+use super::appearance::Appearance;
+use super::build::{self, Input, TextureError};
+use super::coarse;
+use super::images::{ImageError, ImageStore};
+use super::light::Light;
+use super::source::SourceMesh;
+use crate::atlas::patch::Patch;
+use crate::mesh::ImportedMesh;
+use crate::parameterize::Parametrization;
+use marquetry_format::Glue;
+use marquetry_format::writer::ColourInput;
+
+/// Share of the working memory that decoded images may take.
+const IMAGE_SHARE: u64 = 4;
+
+/// Textures between import and file.
+#[derive(Debug, Default)]
+pub struct Textures {
+    appearance: Appearance,
+    /// The imported triangles, where an image is on them.
+    source: Option<SourceMesh>,
+    image_budget_bytes: u64,
+}
+
+/// Textures, in the report of a conversion.
+#[derive(Debug, Clone, Default, serde::Serialize)]
+pub struct TextureReport {
+    /// Images read.
+    pub images: usize,
+    /// Their bytes.
+    pub image_bytes: u64,
+    /// Colour tiles written.
+    pub tiles: u32,
+    /// Their bytes, index included.
+    pub bytes: u64,
+    /// Normal maps, which are left out.
+    pub normal_maps: usize,
+    /// What could not be used, in words.
+    pub warnings: Vec<String>,
+}
+
+impl Textures {
+    /// Takes the appearance out of `mesh` and gives its vertices the colours of the textures.
+    ///
+    /// # Errors
+    /// When an image is damaged.
+    pub fn take(mesh: &mut ImportedMesh, memory_bytes: u64) -> Result<Self, ImageError> {
+        let appearance = std::mem::take(&mut mesh.appearance);
+        let mut textures = Self {
+            appearance,
+            source: None,
+            image_budget_bytes: memory_bytes / IMAGE_SHARE,
+        };
+        for warning in &textures.appearance.warnings {
+            tracing::warn!("{warning}");
+        }
+        if textures.appearance.has_colours() {
+            let images = textures.images();
+            let light = Light::new();
+            mesh.colours = coarse::vertex_colours(mesh, &textures.appearance, &images, &light)?;
+        }
+        if textures.appearance.is_textured() {
+            // Without a triangle that has an area there is no surface, which is said later.
+            textures.source = SourceMesh::new(mesh.positions.clone(), mesh.triangles.clone()).ok();
+        }
+        Ok(textures)
+    }
+
+    fn images(&self) -> ImageStore<'_> {
+        ImageStore::new(&self.appearance.images, self.image_budget_bytes)
+    }
+
+    /// The tiles of the charts; `None` where nothing is textured.
+    ///
+    /// # Errors
+    /// As [`build::build`].
+    pub fn tiles(
+        &self,
+        patches: &[Patch],
+        parametrizations: &[Parametrization],
+        glue: &[[Option<Glue>; 4]],
+        progress: &(dyn Fn(f64) + Sync),
+    ) -> Result<Option<ColourInput>, TextureError> {
+        let Some(source) = &self.source else {
+            return Ok(None);
+        };
+        let input = Input {
+            patches,
+            parametrizations,
+            glue,
+            source,
+            appearance: &self.appearance,
+            images: &self.images(),
+        };
+        let tiles = build::build(input, progress)?;
+        Ok(tiles.iter().any(Option::is_some).then_some(tiles))
+    }
+
+    /// Whether there are tiles to make.
+    pub fn has_images(&self) -> bool {
+        self.source.is_some()
+    }
+
+    /// What is reported, but for the tiles.
+    pub fn report(self) -> TextureReport {
+        TextureReport {
+            images: self.appearance.images.len(),
+            image_bytes: self.appearance.image_bytes(),
+            normal_maps: self.appearance.normal_maps,
+            warnings: self.appearance.warnings,
+            ..TextureReport::default()
+        }
+    }
+}

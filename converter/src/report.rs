@@ -32,15 +32,6 @@ pub struct Report {
     pub textures: TextureReport,
 }
 
-/// The least-squares fit of the finest surface's samples.
-#[derive(Debug, Clone, serde::Serialize)]
-pub struct FitReport {
-    /// Samples of the finest surface, those shared by leaves counted once.
-    pub points: u64,
-    /// Those of them that the fit would have made worse, and that stay where the source was sampled.
-    pub kept: u64,
-}
-
 /// What was read.
 #[derive(Debug, Clone, serde::Serialize)]
 pub struct InputReport {

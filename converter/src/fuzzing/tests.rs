@@ -6,7 +6,7 @@ use std::sync::Mutex;
 use std::time::{Duration, Instant};
 
 /// Longest that one input may take, on a machine that does other things too.
-const HANG: Duration = Duration::from_secs(60);
+const HANG: Duration = Duration::from_mins(1);
 
 /// `SplitMix64`.
 struct Random(u64);
@@ -76,7 +76,7 @@ fn obj((positions, triangles): &Model) -> Vec<u8> {
             _ => writeln!(
                 text,
                 "f {}//1 {b}//1 {c}//1",
-                i64::from(a) - 1 - positions.len() as i64
+                i64::from(a) - 1 - i64::try_from(positions.len()).unwrap()
             )
             .unwrap(),
         }
@@ -247,7 +247,7 @@ fn mutate(bytes: &mut Vec<u8>, random: &mut Random) {
         0x0000_0100,
         0x8000_0000,
     ];
-    for _ in 0..1 + random.below(6) {
+    for _ in 0..=random.below(6) {
         let at = random.below(bytes.len());
         let span = 1 + random.below(40);
         let to = (at + span).min(bytes.len());

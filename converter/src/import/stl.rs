@@ -131,20 +131,27 @@ fn parse_ascii(text: &[u8]) -> Result<Soup, ParseError> {
 
 /// Pieces of which all but the first begin with a facet.
 fn facet_chunks(text: &[u8]) -> Vec<&[u8]> {
-    let is_facet = |chunk: &[u8]| {
-        let word = words(chunk).next().unwrap_or_default();
+    /// Lines in which a facet begins, in any file with one keyword a line.
+    const LINES: usize = 64;
+    let is_facet = |line: &[u8]| {
+        let word = words(line).next().unwrap_or_default();
         word.eq_ignore_ascii_case(b"facet")
     };
     let mut chunks = Vec::new();
     let (mut from, mut to) = (0, 0);
     for chunk in line_chunks(text) {
-        if from < to && is_facet(chunk) {
-            chunks.push(&text[from..to]);
-            from = to;
+        let mut start = 0;
+        for line in chunk.split_inclusive(|&b| b == b'\n').take(LINES) {
+            if to > 0 && is_facet(line) {
+                chunks.push(&text[from..to + start]);
+                from = to + start;
+                break;
+            }
+            start += line.len();
         }
         to += chunk.len();
     }
-    chunks.push(&text[from..to]);
+    chunks.push(&text[from..]);
     chunks
 }
 

@@ -32,7 +32,10 @@ pub(super) fn insert(mesh: &mut WeldedMesh, table: &EdgeTable, account: &mut Acc
         .filter(|e| e.len() == 1)
         .map(|e| e[0])
         .collect();
-    let splits = keep_shared(mesh, find(mesh, &borders));
+    let mut splits = find(mesh, &borders);
+    splits.sort_unstable_by_key(|s| s.half_edge);
+    keep_first(&mut splits);
+    let splits = keep_shared(mesh, splits);
     if splits.is_empty() {
         return false;
     }
@@ -108,6 +111,19 @@ fn find(mesh: &WeldedMesh, borders: &[u32]) -> Vec<Split> {
         .collect()
 }
 
+/// A vertex may lie on two edges of a narrow triangle, but can be put into one only.
+fn keep_first(splits: &mut [Split]) {
+    let mut seen = Vec::new();
+    for same in splits.chunk_by_mut(|a, b| a.half_edge / 3 == b.half_edge / 3) {
+        seen.clear();
+        for split in same {
+            split.inner.retain(|v| seen.binary_search(v).is_err());
+            seen.extend_from_slice(&split.inner);
+            seen.sort_unstable();
+        }
+    }
+}
+
 /// Keeps the vertices that end a piece which another edge has too.
 fn keep_shared(mesh: &WeldedMesh, mut splits: Vec<Split>) -> Vec<Split> {
     if splits.iter().all(|s| s.inner.is_empty()) {
@@ -144,7 +160,6 @@ fn keep_shared(mesh: &WeldedMesh, mut splits: Vec<Split>) -> Vec<Split> {
         });
     }
     splits.retain(|s| !s.inner.is_empty());
-    splits.sort_unstable_by_key(|s| s.half_edge);
     splits
 }
 

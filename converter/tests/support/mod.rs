@@ -13,13 +13,13 @@ use std::path::Path;
 
 /// A triangle mesh.
 #[derive(Debug, Clone, Default)]
-pub struct Model {
-    pub positions: Vec<DVec3>,
-    pub triangles: Vec<[u32; 3]>,
+pub(crate) struct Model {
+    pub(crate) positions: Vec<DVec3>,
+    pub(crate) triangles: Vec<[u32; 3]>,
 }
 
 impl Model {
-    pub fn map(&self, f: impl Fn(DVec3) -> DVec3) -> Self {
+    pub(crate) fn map(&self, f: impl Fn(DVec3) -> DVec3) -> Self {
         Self {
             positions: self.positions.iter().map(|&p| f(p)).collect(),
             triangles: self.triangles.clone(),
@@ -27,7 +27,7 @@ impl Model {
     }
 
     /// Binary PLY with coordinates of 64 bits.
-    pub fn ply(&self) -> Vec<u8> {
+    pub(crate) fn ply(&self) -> Vec<u8> {
         let mut bytes = format!(
             "ply\nformat binary_little_endian 1.0\nelement vertex {}\nproperty double x\nproperty double y\n\
              property double z\nelement face {}\nproperty list uchar uint vertex_indices\nend_header\n",
@@ -47,7 +47,7 @@ impl Model {
 }
 
 /// A dented torus around z: closed, of one handle.
-pub fn torus(around: u32, along: u32) -> Model {
+pub(crate) fn torus(around: u32, along: u32) -> Model {
     let at = |i: u32, j: u32| i % around + j % along * around;
     let mut model = Model::default();
     for j in 0..along {
@@ -67,7 +67,7 @@ pub fn torus(around: u32, along: u32) -> Model {
 }
 
 /// An open sheet of `n` by `n` cells over the unit square, at the height that `height` gives.
-pub fn sheet(n: u32, height: impl Fn(f64, f64) -> f64) -> Model {
+pub(crate) fn sheet(n: u32, height: impl Fn(f64, f64) -> f64) -> Model {
     let mut model = Model::default();
     for j in 0..=n {
         for i in 0..=n {
@@ -93,7 +93,11 @@ impl Progress for Silent {
 }
 
 /// Converts the bytes of a mesh file; what comes out is verified, and nothing but it is left in the folder.
-pub fn convert_bytes(name: &str, bytes: &[u8], options: &Options) -> Result<Report, ConvertError> {
+pub(crate) fn convert_bytes(
+    name: &str,
+    bytes: &[u8],
+    options: &Options,
+) -> Result<Report, ConvertError> {
     let folder = tempfile::tempdir().unwrap();
     let input = folder.path().join(name);
     std::fs::write(&input, bytes).unwrap();
@@ -122,7 +126,7 @@ pub fn convert_bytes(name: &str, bytes: &[u8], options: &Options) -> Result<Repo
     result
 }
 
-pub fn convert_model(model: &Model, options: &Options) -> Result<Report, ConvertError> {
+pub(crate) fn convert_model(model: &Model, options: &Options) -> Result<Report, ConvertError> {
     convert_bytes("model.ply", &model.ply(), options)
 }
 

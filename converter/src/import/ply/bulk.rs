@@ -131,7 +131,6 @@ impl Bulk for Ascii<'_> {
         make: impl Fn(&[f64]) -> Option<T> + Sync,
     ) -> Option<Vec<T>> {
         let mut left = count;
-        let mut length = 0;
         let mut chunks = line_chunks(self.next_words());
         let lines: Vec<usize> = chunks.par_iter().map(|chunk| count_lines(chunk)).collect();
         let whole = lines.iter().take_while(|&&n| {
@@ -165,7 +164,6 @@ impl Bulk for Ascii<'_> {
                 .collect()
         };
         let parts: Vec<Vec<T>> = chunks.par_iter().map(read).collect::<Option<_>>()?;
-        length += chunks.iter().map(|chunk| chunk.len()).sum::<usize>();
         let mut rows = Vec::with_capacity(count);
         for part in parts {
             rows.extend(part);
@@ -173,7 +171,11 @@ impl Bulk for Ascii<'_> {
         if rows.len() != count {
             return None;
         }
-        self.skip(length, count as u64);
+        // Up to the last word, as if it had been read by itself.
+        let length: usize = chunks.iter().map(|chunk| chunk.len()).sum();
+        let lines: usize = chunks.iter().map(|chunk| count_lines(chunk)).sum();
+        let ended = usize::from(chunks.last().is_some_and(|chunk| chunk.ends_with(b"\n")));
+        self.skip(length - ended, (lines - ended) as u64);
         Some(rows)
     }
 }

@@ -104,6 +104,20 @@ fn a_sliver_with_its_apex_on_its_edge_is_no_junction() {
 }
 
 #[test]
+fn a_vertex_on_two_edges_of_a_narrow_triangle_is_put_into_one() {
+    let positions = [
+        [0.0, 0.0, 0.0],
+        [4.0, 0.0, 0.0],
+        [4.0, 1e-9, 0.0],
+        [2.0, 0.0, 0.0],
+        [2.0, 1.0, 0.0],
+        [2.0, -1.0, 0.0],
+    ];
+    let (_, account) = prepared(&positions, &[[0, 1, 2], [3, 1, 5], [3, 2, 4]]);
+    assert_eq!(account.t_junctions, 1);
+}
+
+#[test]
 fn tree_finds_what_a_search_finds() {
     let mut state = 1_u64;
     let mut random = || {

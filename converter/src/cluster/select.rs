@@ -1,13 +1,13 @@
 //! Which components are too small for charts.
 //!
 //! A component hangs together by welded vertices, cuts made for topology's sake included: no crack can open within one.
-//! It is small if a leaf has room for it as it is. [`MOST_TRIANGLES`] says what was measured.
+//! It is small if a leaf has room for it as it is.
 
 use crate::mesh::adjacency::{UnionFind, id, label};
 use crate::mesh::{ManifoldMesh, NONE};
 use marquetry_format::cluster::{MAX_CLUSTER_TRIANGLES, MAX_CLUSTER_VERTICES};
 
-/// Most triangles of a small component.
+/// Most triangles of a small component: about where a dozen charts take as many bytes (`ARCHITECTURE.md`).
 pub const MOST_TRIANGLES: usize = MAX_CLUSTER_TRIANGLES;
 
 /// A mesh without its small components, and these.

@@ -1,7 +1,7 @@
 //! The whole way from a mesh file to a `.marq` file.
 
 use crate::atlas::{build, chart_graph, quantize};
-use crate::cluster;
+use crate::cluster::{self, select::Selection};
 use crate::error::ImportError;
 use crate::import::{self, ImportReport};
 use crate::memory;
@@ -340,26 +340,23 @@ impl Conversion<'_> {
         let target = self.options.error_rel * diagonal;
 
         let lattice = quantize::lattice(min, max, target);
-        let selection = cluster::select::select(&mesh);
-        let surface = selection.as_ref().map_or(&mesh, |found| &found.rest);
-        let (atlas, colour) = self.atlas(surface, &textures, (min, max), lattice, has_colours)?;
-        let clusters = match &selection {
-            None => None,
-            Some(found) => {
-                self.begin("cluster")?;
-                let small = &found.small;
-                Some(cluster::build(&mesh, small, &lattice, has_colours))
-            }
+        let Selection {
+            rest: surface,
+            small,
+            components,
+        } = cluster::select::select(mesh);
+        let (atlas, colour) = self.atlas(&surface, &textures, (min, max), lattice, has_colours)?;
+        let clusters = if components.is_empty() {
+            None
+        } else {
+            self.begin("cluster")?;
+            Some(cluster::build(&small, &components, &lattice, has_colours))
         };
-        drop(selection);
 
         self.begin("measure")?;
         // What is left to do with the mesh is to measure against it.
-        let ManifoldMesh {
-            positions,
-            triangles,
-            ..
-        } = mesh;
+        let (positions, triangles) = cluster::select::joined(surface, &small);
+        drop(small);
         let source = distance::Mesh {
             positions: &positions,
             triangles: &triangles,

@@ -1,27 +1,31 @@
 //! Which components are too small for charts.
 //!
 //! A component hangs together by welded vertices, cuts made for topology's sake included: no crack can open within one.
-//! It is small if a leaf has room for it as it is. [`MOST_TRIANGLES`] says what was measured.
+//! It is small if a leaf has room for it as it is.
 
 use crate::mesh::adjacency::{UnionFind, id, label};
 use crate::mesh::{ManifoldMesh, NONE};
+use glam::DVec3;
 use marquetry_format::cluster::{MAX_CLUSTER_TRIANGLES, MAX_CLUSTER_VERTICES};
 
-/// Most triangles of a small component.
+/// Most triangles of a small component: about where a dozen charts take as many bytes (`ARCHITECTURE.md`).
 pub const MOST_TRIANGLES: usize = MAX_CLUSTER_TRIANGLES;
 
 /// A mesh without its small components, and these.
-#[derive(Debug)]
+#[derive(Debug, Default)]
 pub struct Selection {
     /// The surface that is to have charts; may be without triangles.
     pub rest: ManifoldMesh,
-    /// Triangles of the whole mesh, component by component, in order of first occurrence.
-    pub small: Vec<Vec<u32>>,
+    /// All small components; may be without triangles.
+    pub small: ManifoldMesh,
+    /// Triangles of `small`, component by component, in order of first occurrence.
+    pub components: Vec<Vec<u32>>,
 }
 
-/// Takes the small components out of `mesh`; `None` if it has none.
-pub fn select(mesh: &ManifoldMesh) -> Option<Selection> {
-    let origins = mesh.origin.iter().map(|&o| o as usize + 1).max()?;
+/// Takes the small components out of `mesh`. Every triangle is in one part or the other.
+pub fn select(mesh: ManifoldMesh) -> Selection {
+    let origins = mesh.origin.iter().map(|&o| o as usize + 1).max();
+    let origins = origins.unwrap_or(0);
     let mut sets = UnionFind::new(origins);
     for t in &mesh.triangles {
         let [a, b, c] = t.map(|v| mesh.origin[v as usize]);
@@ -46,26 +50,45 @@ pub fn select(mesh: &ManifoldMesh) -> Option<Selection> {
         .map(|(&t, &v)| t <= MOST_TRIANGLES && v <= MAX_CLUSTER_VERTICES)
         .collect();
     if !is_small.contains(&true) {
-        return None;
+        return Selection {
+            rest: mesh,
+            ..Selection::default()
+        };
     }
-    let mut small = Vec::new();
+    let mut lists: Vec<Vec<u32>> = Vec::new();
+    let mut next = 0u32;
     let mut place = vec![NONE; count as usize];
-    for (t, &component) in (0u32..).zip(&components) {
+    for &component in &components {
         if !is_small[component as usize] {
             continue;
         }
         let slot = &mut place[component as usize];
         if *slot == NONE {
-            *slot = id(small.len());
-            small.push(Vec::new());
+            *slot = id(lists.len());
+            lists.push(Vec::new());
         }
-        small[*slot as usize].push(t);
+        lists[*slot as usize].push(next);
+        next += 1;
     }
-    let kept = |t: usize| !is_small[components[t] as usize];
-    Some(Selection {
-        rest: part(mesh, kept),
-        small,
-    })
+    let goes = |t: usize| is_small[components[t] as usize];
+    Selection {
+        rest: part(&mesh, |t| !goes(t)),
+        small: part(&mesh, goes),
+        components: lists,
+    }
+}
+
+/// Positions and triangles of both parts.
+pub fn joined(rest: ManifoldMesh, small: &ManifoldMesh) -> (Vec<DVec3>, Vec<[u32; 3]>) {
+    let ManifoldMesh {
+        mut positions,
+        mut triangles,
+        ..
+    } = rest;
+    let first = id(positions.len());
+    positions.extend(&small.positions);
+    triangles.extend(small.triangles.iter().map(|t| t.map(|v| v + first)));
+    (positions, triangles)
 }
 
 /// The triangles of `mesh` that are `kept`, which are whole components, and their vertices.

@@ -78,24 +78,40 @@ fn lattice(mesh: &ManifoldMesh, step: f64) -> Lattice {
 fn selection_takes_whole_components_and_leaves_the_rest_intact() {
     let mesh = joined(sheet(16), &cubes(7));
     let (mesh, _) = prepare(mesh).unwrap();
-    let selection = select::select(&mesh).unwrap();
-    assert_eq!(selection.small.len(), 7);
+    let all = mesh.clone();
+    let selection = select::select(mesh);
+    assert_eq!(selection.components.len(), 7);
     assert!(
         selection
-            .small
+            .components
             .iter()
             .all(|component| component.len() == 12)
     );
+    assert_eq!(selection.small.triangles.len(), 7 * 12);
+    assert_eq!(selection.small.check(), Ok(()));
     assert_eq!(selection.rest.triangles.len(), 2 * 16 * 16);
     assert_eq!(selection.rest.positions.len(), 17 * 17);
     assert_eq!(selection.rest.colours.len(), 17 * 17);
     assert_eq!(selection.rest.check(), Ok(()));
+    let area = |positions: &[DVec3], triangles: &[[u32; 3]]| -> f64 {
+        let corners = triangles.iter().map(|t| t.map(|v| positions[v as usize]));
+        corners
+            .map(|[a, b, c]| (b - a).cross(c - a).length() / 2.0)
+            .sum()
+    };
+    let (positions, triangles) = select::joined(selection.rest, &selection.small);
+    assert_eq!(triangles.len(), all.triangles.len());
+    let (before, after) = (
+        area(&all.positions, &all.triangles),
+        area(&positions, &triangles),
+    );
+    assert!((before - after).abs() < 1e-9 * before);
 }
 
 #[test]
 fn what_is_too_large_for_a_cluster_is_not_selected() {
     let (mesh, _) = prepare(sheet(16)).unwrap();
-    assert!(select::select(&mesh).is_none());
+    assert!(select::select(mesh).components.is_empty());
 }
 
 #[test]
@@ -110,16 +126,17 @@ fn sheets_cut_for_topology_stay_together() {
     mesh = joined(mesh, &raised);
     let (mesh, _) = prepare(mesh).unwrap();
     assert!(mesh.components().1 > 1);
-    assert!(select::select(&mesh).is_none());
+    assert!(select::select(mesh).components.is_empty());
 }
 
 #[test]
 fn tree_keeps_its_bounds_at_every_node() {
     let (mesh, _) = prepare(cubes(400)).unwrap();
-    let selection = select::select(&mesh).unwrap();
-    assert!(selection.rest.triangles.is_empty());
     let lattice = lattice(&mesh, 1e-3);
-    let layer = build(&mesh, &selection.small, &lattice, true);
+    let selection = select::select(mesh);
+    assert!(selection.rest.triangles.is_empty());
+    let mesh = selection.small;
+    let layer = build(&mesh, &selection.components, &lattice, true);
     assert_eq!(layer.summary.components, 400);
     assert_eq!(layer.summary.triangles, 4800);
 
@@ -188,10 +205,10 @@ fn components_below_the_lattice_leave_something_to_see() {
         *p = DVec3::new(3.0, 3.0, 60.0) + 1e-9 * *p;
     }
     let (mesh, _) = prepare(mesh).unwrap();
-    let selection = select::select(&mesh).unwrap();
-    assert_eq!(selection.small.len(), 1);
     let lattice = lattice(&mesh, 1e-2);
-    let layer = build(&mesh, &selection.small, &lattice, true);
+    let selection = select::select(mesh);
+    assert_eq!(selection.components.len(), 1);
+    let layer = build(&selection.small, &selection.components, &lattice, true);
     assert!(!layer.root.mesh.triangles.is_empty());
     let unit = lattice.step * f64::from(1u32 << lattice.shift);
     assert!(layer.max_error > 0.0 && layer.max_error < 3.0 * unit);
@@ -200,14 +217,14 @@ fn components_below_the_lattice_leave_something_to_see() {
 #[test]
 fn the_same_for_any_number_of_threads() {
     let (mesh, _) = prepare(cubes(300)).unwrap();
-    let selection = select::select(&mesh).unwrap();
     let lattice = lattice(&mesh, 1e-3);
+    let selection = select::select(mesh);
     let built = |threads| {
         let pool = rayon::ThreadPoolBuilder::new()
             .num_threads(threads)
             .build()
             .unwrap();
-        let layer = pool.install(|| build(&mesh, &selection.small, &lattice, true));
+        let layer = pool.install(|| build(&selection.small, &selection.components, &lattice, true));
         format!("{:?}", layer.root)
     };
     assert_eq!(built(1), built(4));

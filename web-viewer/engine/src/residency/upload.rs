@@ -211,17 +211,19 @@ impl ClusterUpload {
         let vertices = vertices
             .map(|(index, (point, [a, b]))| {
                 let [low, high] = pack_point(*point);
-                let [r, g, b_] = mesh.colours.get(index).copied().unwrap_or([255; 3]);
+                let [red, green, blue] = mesh.colours.get(index).copied().unwrap_or([255; 3]);
                 [
                     low,
                     high,
                     u32::from_le_bytes([*a, *b, level, 0]),
-                    u32::from_le_bytes([r, g, b_, 0]),
+                    u32::from_le_bytes([red, green, blue, 0]),
                 ]
             })
             .collect();
         let room = usize::try_from(CLUSTER_CORNERS).unwrap_or(usize::MAX);
-        let mut corners: Vec<u32> = mesh.triangles.as_flattened()[..]
+        let mut corners: Vec<u32> = mesh
+            .triangles
+            .as_flattened()
             .iter()
             .map(|corner| first + u32::from(*corner))
             .collect();

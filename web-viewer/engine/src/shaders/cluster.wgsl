@@ -9,6 +9,9 @@ fn cluster_vertex(words: vec4<u32>) -> FromVertex {
     out.normal = unpack_normal(words.z & 0xffffu);
     out.albedo = linear_from_srgb(select(GREY, unpack_colour(words.w), frame.has_colours != 0u));
     out.resolution = words.z >> 16u;
+    // Clusters have the colours of their vertices alone.
+    out.uv = vec2<f32>(0.0);
+    out.tiles = vec2<u32>(0u, NO_TILES);
     return out;
 }
 

@@ -4,7 +4,7 @@ use super::output::{self, Output};
 use super::{Verdict, args, open};
 use anyhow::Context;
 use marquetry_engine::camera::{STANDARD_DISTANCE, STANDARD_VIEWS};
-use marquetry_engine::{Background, EngineError, Shade, Transition, ViewerOptions, Viewport};
+use marquetry_engine::{Background, Section, Shade, Transition, ViewerOptions, Viewport};
 use marquetry_format::ContentKind;
 use marquetry_native::render::{self, Eye, RenderOptions, RenderReport};
 use std::path::PathBuf;
@@ -48,11 +48,14 @@ pub(super) struct Looks {
     #[arg(long, value_name = "T", default_value_t = 1.0, value_parser = args::positive)]
     error_px: f64,
     /// How one resolution gives way to another: none, alpha, dither or geomorph
-    #[arg(long, value_name = "HOW", default_value = "geomorph", value_parser = transition)]
-    transition: Choice<Transition>,
+    #[arg(long, value_name = "HOW", default_value = "geomorph", value_parser = Transition::from_str)]
+    transition: Transition,
     /// What the colours show: lit, normal, lod, wire or unlit
     #[arg(long, value_name = "WHAT", default_value = "lit", value_parser = Shade::from_str)]
     shade: Shade,
+    /// Cut the model open: x, y or z and a part of the bounds (a minus sign keeps the upper part), or NX,NY,NZ,OFFSET
+    #[arg(long, value_name = "AXIS,PART", value_parser = Section::from_str, allow_hyphen_values = true)]
+    section: Option<Section>,
     /// Colour behind the model
     #[arg(long, value_name = "RRGGBB", value_parser = Background::from_str)]
     background: Option<Background>,
@@ -63,45 +66,17 @@ pub(super) struct Looks {
 
 impl Looks {
     /// The options of the engine.
-    ///
-    /// # Errors
-    /// When this version does not have the transition asked for.
-    pub(super) fn viewer_options(&self) -> anyhow::Result<ViewerOptions> {
+    pub(super) fn viewer_options(&self) -> ViewerOptions {
         let defaults = ViewerOptions::default();
-        Ok(ViewerOptions {
+        ViewerOptions {
             error_px: self.error_px,
-            transition: self.transition.get()?,
+            transition: self.transition,
+            section: self.section,
             shade: self.shade,
             background: self.background.unwrap_or(defaults.background),
             cache_bytes: self.cache.unwrap_or(defaults.cache_bytes),
             ..defaults
-        })
-    }
-}
-
-/// A value of the contract that this version may not have. Asking for it is right usage, so it fails later.
-#[derive(Debug, Clone)]
-enum Choice<T> {
-    Available(T),
-    Unavailable(String),
-}
-
-impl<T: Copy> Choice<T> {
-    fn get(&self) -> anyhow::Result<T> {
-        match self {
-            Self::Available(value) => Ok(*value),
-            Self::Unavailable(reason) => anyhow::bail!("{reason}"),
         }
-    }
-}
-
-fn transition(text: &str) -> Result<Choice<Transition>, EngineError> {
-    match Transition::from_str(text) {
-        Ok(transition) => Ok(Choice::Available(transition)),
-        Err(error @ EngineError::UnsupportedTransition(_)) => {
-            Ok(Choice::Unavailable(error.to_string()))
-        }
-        Err(error) => Err(error),
     }
 }
 
@@ -125,7 +100,7 @@ pub(super) fn run(arguments: &Arguments, output: &Output) -> anyhow::Result<Verd
                 distance: arguments.distance,
             },
         },
-        viewer: arguments.looks.viewer_options()?,
+        viewer: arguments.looks.viewer_options(),
     };
     // Once more here, for a message about the file before one about the graphics adapter.
     let opened = open::open(file)?;

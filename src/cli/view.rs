@@ -17,7 +17,7 @@ pub(super) struct Arguments {
 
 pub(super) fn run(arguments: &Arguments) -> anyhow::Result<Verdict> {
     let opened = open::open(&arguments.file)?;
-    let options = arguments.looks.viewer_options()?;
+    let options = arguments.looks.viewer_options();
     window::view(&Arc::from(opened.source), options).with_context(|| arguments.file.clone())?;
     Ok(Verdict::Good)
 }

@@ -3,7 +3,7 @@
 //   node tests/browser/run.mjs --marquetry target/release/marquetry --chromium /usr/bin/chromium --out target/browser
 
 import assert from "node:assert/strict";
-import { copyFileSync, existsSync, mkdirSync, writeFileSync } from "node:fs";
+import { copyFileSync, existsSync, mkdirSync, readFileSync, writeFileSync } from "node:fs";
 import { join, resolve } from "node:path";
 import { Checks, Marquetry, ROOT, browser, decode, options, scan } from "./harness.mjs";
 import { maskedSsim } from "./ssim.mjs";
@@ -46,12 +46,14 @@ try {
   await loading();
   await picture();
   await main.close();
-  main = await ViewerPage.open(chromium, `${server.url}/?file=${LIGHT}&error-px=${EASY_PX}`);
+  main = await ViewerPage.open(chromium, `${server.url}/?file=${LIGHT}#error-px=${EASY_PX}`);
   await main.settle();
   await moving();
+  await hands();
   await thePage();
   await main.close();
   await otherHosts();
+  await embedding();
   await failures();
 } finally {
   await chromium.close();
@@ -178,6 +180,147 @@ async function moving() {
   });
 }
 
+/** The tools: focus, measure, section, flight, annotations, a lost device. */
+async function hands() {
+  const { page } = main;
+  const viewer = page.locator("marquetry-viewer");
+  const home = async () => {
+    await viewer.focus();
+    await page.keyboard.press("Home");
+    await main.rest();
+  };
+  const picked = await main.read((viewer) => {
+    const { clientWidth: width, clientHeight: height } = viewer;
+    return { middle: viewer.pick(width / 2, height / 2), corner: viewer.pick(1, 1), bounds: viewer.facts().bounds };
+  });
+  await checks.run("a place in the picture is a point of the model, and back", async () => {
+    assert.equal(picked.corner, null);
+    const { position, error, normal } = picked.middle;
+    assert.ok(error > 0 && Math.abs(Math.hypot(...normal) - 1) < 1e-6);
+    position.forEach((value, axis) => {
+      assert.ok(value >= picked.bounds.min[axis] - error && value <= picked.bounds.max[axis] + error);
+    });
+    const place = await main.read((viewer, point) => viewer.project(point), position);
+    assert.ok(gap(place, await main.read((viewer) => [viewer.clientWidth / 2, viewer.clientHeight / 2])) < 0.01);
+  });
+  await checks.run("the wheel keeps the point below the pointer", async () => {
+    const [x, y] = (await main.middle()).map(Math.round);
+    const box = await viewer.boundingBox();
+    const at = [x + 20 - box.x, y + 15 - box.y];
+    const before = await main.read((viewer, [x, y]) => viewer.pick(x, y), at);
+    await page.mouse.move(x + 20, y + 15);
+    await page.mouse.wheel(0, -300);
+    await main.rest();
+    assert.ok(gap(await main.read((viewer, point) => viewer.project(point), before.position), at) < 0.1);
+  });
+  await checks.run("a double click looks at the point below it", async () => {
+    await home();
+    const [x, y] = (await main.middle()).map(Math.round);
+    const box = await viewer.boundingBox();
+    const { position } = await main.read((viewer, [x, y]) => viewer.pick(x, y), [x + 30 - box.x, y - 20 - box.y]);
+    await page.mouse.dblclick(x + 30, y - 20);
+    await main.rest();
+    const camera = await main.camera();
+    assert.ok(gap(target(camera), position) < 1e-6 * reach(camera), `${target(camera)}, not ${position}`);
+  });
+  await checks.run("the distance between two points is measured, by mouse and by keys", async () => {
+    await home();
+    const [x, y] = await main.middle();
+    await page.keyboard.press("m");
+    await page.mouse.click(x - 30, y);
+    await page.mouse.click(x + 30, y + 10);
+    const byMouse = await main.read((viewer) => viewer.measurement);
+    assert.ok(byMouse.distance > 0 && byMouse.error > 0);
+    assert.ok(Math.abs(gap(...byMouse.points) - byMouse.distance) < 1e-12);
+    const tag = viewer.locator(".tag");
+    assert.match(await tag.textContent(), /^[\d.]+ ± [\d.]+$/);
+    await page.screenshot({ path: join(out, "measure.png") });
+    await page.keyboard.press("Enter");
+    await page.keyboard.press("ArrowRight");
+    await main.rest();
+    await page.keyboard.press("Enter");
+    const byKeys = await main.read((viewer) => viewer.measurement);
+    assert.ok(byKeys.distance > 0 && byKeys.distance !== byMouse.distance);
+    await page.keyboard.press("Escape");
+    assert.equal(await main.read((viewer) => viewer.measurement), null);
+    assert.ok(await tag.isHidden());
+    await page.keyboard.press("Escape");
+    assert.equal(await main.read((viewer) => viewer.measuring), false);
+    return `${byMouse.distance} ± ${byMouse.error}`;
+  });
+  await checks.run("a section opens the model, and the address keeps it", async () => {
+    await home();
+    const whole = await main.screenshot();
+    await page.keyboard.press("o");
+    await page.locator("#section-axis").selectOption("z");
+    await page.locator("#transition").selectOption("dither");
+    await main.rest();
+    assert.equal(await main.read((viewer) => viewer.section), "z,0.5");
+    const middle = await main.read((viewer) => viewer.pick(viewer.clientWidth / 2, viewer.clientHeight / 2));
+    const half = (picked.bounds.min[2] + picked.bounds.max[2]) / 2;
+    assert.ok(middle === null || middle.position[2] <= half + 1e-9);
+    const { ssim } = maskedSsim(decode(whole), decode(await main.screenshot()), rgb(BACKGROUND));
+    assert.ok(ssim < 0.95, `SSIM ${ssim}`);
+    await page.screenshot({ path: join(out, "section.png") });
+    assert.match(page.url(), /&transition=dither&section=z,0\.5/);
+    await page.locator("#section-axis").selectOption("");
+    await page.locator("#transition").selectOption("geomorph");
+    await viewer.focus();
+    await page.keyboard.press("o");
+    await main.rest();
+    assert.equal(await main.read((viewer) => viewer.section), "");
+  });
+  await checks.run("held keys fly", async () => {
+    await home();
+    const before = await main.camera();
+    await page.keyboard.press("g");
+    await page.keyboard.down("d");
+    await page.waitForFunction(() => document.querySelector("marquetry-viewer").flying);
+    await page.waitForTimeout(300);
+    await page.keyboard.up("d");
+    await main.rest();
+    const after = await main.camera();
+    assert.ok(gap(eye(before), eye(after)) > 0 && Math.abs(reach(after) - reach(before)) < 1e-6 * reach(before));
+    await page.keyboard.press("Escape");
+    assert.equal(await main.read((viewer) => viewer.flying), false);
+    await home();
+  });
+  await checks.run("annotations are pins; a wrong file is named", async () => {
+    const notes = [
+      { position: picked.middle.position, title: "Here", text: "<b>in words</b>", camera: "" },
+      { position: picked.bounds.min.map((value, i) => value - (picked.bounds.max[i] - value) * 0.01), text: "Behind" },
+    ];
+    await page.route("**/notes.json", (route) => route.fulfill({ json: { version: 1, annotations: notes } }));
+    await page.route("**/wrong.json", (route) => route.fulfill({ body: "{" }));
+    await main.read((viewer) => viewer.setAttribute("annotations", "/notes.json"));
+    const pins = viewer.locator(".pin");
+    await pins.nth(1).waitFor();
+    await pins.first().focus();
+    const note = viewer.locator(".note");
+    assert.equal(await note.innerText(), "Here\n<b>in words</b>");
+    await page.screenshot({ path: join(out, "annotations.png") });
+    assert.equal(await pins.first().getAttribute("class"), "pin");
+    await main.read((viewer) => viewer.setAttribute("annotations", "/wrong.json"));
+    await page.waitForFunction(() => window.spy.events.some((event) => event.kind === "annotations"));
+    assert.equal(await pins.count(), 0);
+    await main.read((viewer) => viewer.removeAttribute("annotations"));
+  });
+  await checks.run("a lost device is replaced, and the view stays", async () => {
+    await viewer.focus();
+    await page.keyboard.press("ArrowLeft");
+    await main.rest();
+    const before = await main.camera();
+    await page.evaluate(() => window.spy.devices.at(-1).destroy());
+    await page.waitForFunction(() => window.spy.events.some((event) => event.kind === "device"), undefined, { timeout: PATIENCE_MS });
+    await main.settle();
+    const after = await main.camera();
+    assert.ok(gap(eye(before), eye(after)) < 1e-9 * reach(before));
+    const { pixels } = maskedSsim(decode(await main.screenshot()), decode(await main.screenshot()), rgb(BACKGROUND));
+    assert.ok(pixels > 1000);
+    await home();
+  });
+}
+
 async function thePage() {
   await checks.run("a new size is drawn at that size", async () => {
     await main.page.setViewportSize({ width: 800, height: 520 });
@@ -256,6 +399,31 @@ async function otherHosts() {
   });
 }
 
+async function embedding() {
+  await checks.run("two viewers of one page turn together", async () => {
+    const example = readFileSync(join(ROOT, "web-viewer/web/package/example.html"), "utf8");
+    const file = `/files/${LIGHT}.marq`;
+    const both = await ViewerPage.open(chromium, `${server.url}/example.html?left=${file}&right=${file}`, {
+      size: { width: 640, height: 260 },
+      prepare: (page) => page.route("**/example.html*", (route) => route.fulfill({ contentType: "text/html", body: example })),
+    });
+    const states = (wanted) => both.page.waitForFunction(
+      (wanted) => [...document.querySelectorAll("marquetry-viewer")].every((viewer) => wanted.includes(viewer.state)),
+      wanted, { timeout: PATIENCE_MS, polling: 100 },
+    );
+    await states(["ready", "settled"]);
+    await both.page.locator("#left").focus();
+    await both.page.keyboard.press("ArrowLeft");
+    await both.page.waitForFunction(() => {
+      const [left, right] = document.querySelectorAll("marquetry-viewer");
+      return left.camera === right.camera;
+    });
+    await both.page.screenshot({ path: join(out, "example.png") });
+    assert.deepEqual(both.complaints, []);
+    await both.close();
+  });
+}
+
 async function failures() {
   const refused = (name, pattern, query, prepare) =>
     checks.run(name, async () => {
@@ -285,6 +453,8 @@ async function failures() {
     }));
   await refused("a server that is gone is named so", /cannot be reached/, "dragon", (page) =>
     page.route("**/files/**", (route) => route.abort("connectionrefused")));
+  await refused("a server that refuses is named so", /refuses access \(HTTP 403\)/, "dragon", (page) =>
+    page.route("**/files/**", (route) => route.fulfill({ status: 403 })));
   await refused("a browser without WebGPU is told so", /WebGPU/, "dragon", (page) =>
     page.addInitScript(() => Object.defineProperty(Navigator.prototype, "gpu", { get: () => undefined })));
 
@@ -311,6 +481,20 @@ async function failures() {
     assert.ok(events.some((event) => event.type === "error" && !event.fatal));
     await viewer.close();
     return `${stats.failures} failures overcome`;
+  });
+  await checks.run("a file that was replaced is offered", async () => {
+    const viewer = await ViewerPage.open(chromium, `${server.url}/?file=${LIGHT}&error-px=${EASY_PX}`, {
+      prepare: (page) => page.route("**/pages/**", (route) => route.fulfill({ status: 410 })),
+    });
+    const offer = viewer.page.getByRole("button", { name: "Load the new one" });
+    await offer.waitFor({ timeout: PATIENCE_MS });
+    const { events } = await viewer.spied();
+    assert.ok(events.some((event) => event.kind === "replaced" && !event.fatal));
+    await viewer.page.unroute("**/pages/**");
+    await offer.click();
+    await viewer.settle();
+    assert.ok(await offer.isHidden());
+    await viewer.close();
   });
   await checks.run("trying again helps once the server is back", async () => {
     let down = true;

@@ -6,6 +6,9 @@ export const PATIENCE_MS = 400_000;
 /** Runs in the page before its own scripts: counts requests for the file, and drawing. */
 function spy() {
   const log = { requests: [], submits: 0, events: [], atReady: null };
+  const devices = [];
+  // Devices cannot be sent to the test, so they are no part of what is.
+  Object.defineProperty(log, "devices", { get: () => devices, enumerable: false });
   window.spy = log;
   const fetch = window.fetch;
   window.fetch = (input, init) => {
@@ -15,6 +18,14 @@ function spy() {
     }
     return fetch(input, init);
   };
+  if (window.GPUAdapter) {
+    const request = GPUAdapter.prototype.requestDevice;
+    GPUAdapter.prototype.requestDevice = async function (...options) {
+      const device = await request.apply(this, options);
+      devices.push(device);
+      return device;
+    };
+  }
   if (window.GPUQueue) {
     const submit = GPUQueue.prototype.submit;
     GPUQueue.prototype.submit = function (...commands) {
@@ -121,7 +132,7 @@ export class ViewerPage {
 
   /** What the user is told instead of a picture. */
   alert() {
-    return this.read((viewer) => viewer.shadowRoot.querySelector("[role=alert]").innerText);
+    return this.read((viewer) => viewer.shadowRoot.querySelector(".alert").innerText);
   }
 
   /** Middle of the viewer in the page. */

@@ -7,6 +7,7 @@ mod bless;
 mod browser;
 mod demo;
 mod layering;
+mod package;
 mod process;
 mod project;
 mod setup;
@@ -25,7 +26,7 @@ usage: cargo xtask COMMAND
 
   demo [PATH]   build everything, convert a scan (the Stanford dragon, or PATH) and serve it
   test          everything that is checked, as CI does
-  web           build the viewer for the browser into web-viewer/web/dist
+  web           build the viewer for the browser into web-viewer/web/dist, and its npm package
   browser       only the browser test, on what is built
   layering      check that the crates know only whom they may
   bless         write the golden files anew from the present code";

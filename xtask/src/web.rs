@@ -1,7 +1,7 @@
 //! The browser build: wasm, its JavaScript glue, and the hand-written page, into `web-viewer/web/dist`.
 
 use crate::setup::{self, Need};
-use crate::{ensure, process, project::Project, wasm::Toolchain};
+use crate::{ensure, package, process, project::Project, wasm::Toolchain};
 use anyhow::{Context, Result};
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -29,7 +29,8 @@ pub(crate) fn build(project: &Project) -> Result<()> {
     std::fs::create_dir_all(&dist).with_context(|| format!("cannot make {}", dist.display()))?;
     bind(project, &wasm, &dist)?;
     copy_static(project, &dist)?;
-    check_size(&dist)
+    check_size(&dist)?;
+    package::assemble(project)
 }
 
 /// Where cargo puts what `toolchain` builds. Two compilers never share a folder.

@@ -4,7 +4,7 @@
 //! the GPU is relative to the eye in lattice units, so that no precision is lost far from the origin ([`LatticeEye`]).
 
 use crate::{EngineError, Viewport};
-use glam::{DMat4, DVec3, DVec4};
+use glam::{DMat4, DVec2, DVec3, DVec4};
 use marquetry_format::{Bounds, Lattice, Metadata};
 
 /// Vertical field of view, radians.
@@ -213,6 +213,20 @@ pub struct View {
     planes: [DVec3; 4],
     px_per_slope: f64,
     nearest: f64,
+    /// Distance of the near plane, lattice units.
+    near: f64,
+    size_px: DVec2,
+}
+
+/// A ray through a place of the picture, lattice coordinates.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Ray {
+    /// The eye.
+    pub origin: DVec3,
+    /// One unit of depth along the direction of view; not normalized.
+    pub direction: DVec3,
+    /// Least depth that is drawn.
+    pub near: f64,
 }
 
 impl View {
@@ -256,7 +270,34 @@ impl View {
             ],
             px_per_slope: f64::from(viewport.height) / (2.0 * slope_y),
             nearest: 1e-3 * radius,
+            near,
+            size_px: DVec2::new(f64::from(viewport.width), f64::from(viewport.height)),
         }
+    }
+
+    /// The ray through `position_px`, from the picture's upper left corner; `None` where that is not finite.
+    pub fn ray(&self, position_px: DVec2) -> Option<Ray> {
+        let [right, up, back] = self.frame;
+        let offset = (position_px - 0.5 * self.size_px) / self.px_per_slope;
+        let ray = Ray {
+            origin: self.eye_lattice,
+            direction: right * offset.x - up * offset.y - back,
+            near: self.near,
+        };
+        ray.direction.is_finite().then_some(ray)
+    }
+
+    /// Where `point` (lattice coordinates) is in the picture, pixels from the upper left corner, and its depth, lattice
+    /// units; `None` for what is not in front of the eye.
+    pub fn project(&self, point: DVec3) -> Option<(DVec2, f64)> {
+        let [right, up, back] = self.frame;
+        let offset = point - self.eye_lattice;
+        let depth = -offset.dot(back);
+        if depth.is_nan() || depth <= 0.0 {
+            return None;
+        }
+        let slope = DVec2::new(offset.dot(right), -offset.dot(up)) / depth;
+        Some((0.5 * self.size_px + slope * self.px_per_slope, depth))
     }
 
     /// Screen-space error, pixels, of a geometric error (lattice units) somewhere in `bounds`.
@@ -276,6 +317,11 @@ impl View {
             plane.dot(farthest) >= 0.0
         })
     }
+}
+
+/// World position of lattice coordinates.
+pub fn world_from_lattice(lattice: &Lattice, point: DVec3) -> DVec3 {
+    DVec3::from_array(lattice.origin) + point * lattice.step
 }
 
 /// Lattice coordinates, not rounded, of a world position.
@@ -345,6 +391,21 @@ mod tests {
             let clip = view.clip_from_offset * (DVec3::NEG_Z * distance * radius).extend(1.0);
             assert!((clip.z / clip.w - depth).abs() < 1e-9);
         }
+    }
+
+    #[test]
+    fn rays_pass_through_what_projects_to_their_place() {
+        let metadata = metadata();
+        let camera = Camera::standard(&metadata, 20, 1.3).unwrap();
+        let view = View::new(&camera, &metadata, Viewport::new(300, 100));
+        for place in [[0.0, 0.0], [150.0, 50.0], [299.5, 20.25]] {
+            let ray = view.ray(DVec2::from_array(place)).unwrap();
+            let (back, depth) = view.project(ray.origin + 3e5 * ray.direction).unwrap();
+            assert!((back - DVec2::from_array(place)).length() < 1e-6);
+            assert!((depth - 3e5).abs() < 1e-4);
+            assert!(view.project(ray.origin - ray.direction).is_none());
+        }
+        assert!(view.ray(DVec2::NAN).is_none());
     }
 
     #[test]

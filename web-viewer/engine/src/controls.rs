@@ -1,8 +1,10 @@
-//! Orbit, pan and zoom from abstract input, the same in every shell.
+//! Orbit, pan, zoom and flight from abstract input, the same in every shell.
 //!
 //! The eye turns around its target with the up axis kept upright; nothing here has inertia, so that a view is where the
-//! user put it.
+//! user put it. What is below the pointer, where something is, decides how far a pan goes and what a zoom is about: the
+//! caller finds it, at [`Controls::place_of_interest`].
 
+mod fly;
 mod input;
 
 pub use input::{InputEvent, Key, Modifiers, PointerButton, PointerKind};
@@ -24,7 +26,7 @@ const KEY_ANGLE: f64 = 0.12;
 const KEY_PAN: f64 = 0.08;
 
 /// What a control changed besides the camera.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Action {
     /// The event means nothing here.
     Ignored,
@@ -32,6 +34,10 @@ pub enum Action {
     Taken,
     /// Show this, or lit again if it is shown already.
     ToggleShade(Shade),
+    /// Stop choosing what is drawn, or choose again.
+    ToggleFreeze,
+    /// Look at this point, from the same side.
+    Focus(DVec3),
 }
 
 #[derive(Debug, Clone, Copy)]
@@ -39,6 +45,8 @@ struct Pointer {
     id: u64,
     position: DVec2,
     gesture: Gesture,
+    /// What was below it when it went down, world coordinates.
+    held: Option<DVec3>,
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -46,6 +54,7 @@ enum Gesture {
     Orbit,
     Pan,
     Zoom,
+    Look,
 }
 
 /// Turns input into camera moves around one model.
@@ -55,6 +64,7 @@ pub struct Controls {
     pole: DVec3,
     home: [Camera; 6],
     pointers: Vec<Pointer>,
+    flight: Option<fly::Flight>,
 }
 
 impl Controls {
@@ -72,11 +82,44 @@ impl Controls {
             pole: up_axis(metadata),
             home,
             pointers: Vec::new(),
+            flight: None,
         })
     }
 
-    /// Applies `event` to `camera`, seen on `viewport`.
-    pub fn handle(&mut self, event: InputEvent, camera: &mut Camera, viewport: Viewport) -> Action {
+    /// Where `event` asks what is below: a place of the picture, pixels. `None` where it does not matter.
+    pub fn place_of_interest(&self, event: &InputEvent, viewport: Viewport) -> Option<DVec2> {
+        let place = match event {
+            InputEvent::Wheel { position, .. } if self.flight.is_none() => *position,
+            InputEvent::PointerDown { position, .. } | InputEvent::DoubleClick { position } => {
+                *position
+            }
+            InputEvent::PointerMove { pointer, .. } => {
+                let [a, b] = self.pointers.as_slice() else {
+                    return None;
+                };
+                if *pointer != a.id && *pointer != b.id {
+                    return None;
+                }
+                return Some(0.5 * (a.position + b.position));
+            }
+            InputEvent::KeyDown {
+                key: Key::Plus | Key::Minus,
+                ..
+            } => return Some(middle(viewport)),
+            _ => return None,
+        };
+        Some(DVec2::from_array(place))
+    }
+
+    /// Applies `event` to `camera`, seen on `viewport`. `below` is the point of the model at
+    /// [`Controls::place_of_interest`], world coordinates.
+    pub fn handle(
+        &mut self,
+        event: InputEvent,
+        camera: &mut Camera,
+        viewport: Viewport,
+        below: Option<DVec3>,
+    ) -> Action {
         match event {
             InputEvent::PointerDown {
                 pointer,
@@ -90,6 +133,7 @@ impl Controls {
                 }
                 self.pointers.retain(|known| known.id != pointer);
                 let gesture = match button {
+                    _ if self.flight.is_some() => Gesture::Look,
                     _ if modifiers.control => Gesture::Zoom,
                     PointerButton::Primary if !modifiers.shift => Gesture::Orbit,
                     _ => Gesture::Pan,
@@ -98,12 +142,17 @@ impl Controls {
                     id: pointer,
                     position: DVec2::from_array(position),
                     gesture,
+                    held: below,
                 });
                 Action::Taken
             }
-            InputEvent::PointerMove { pointer, position } => {
-                self.moved(pointer, DVec2::from_array(position), camera, viewport)
-            }
+            InputEvent::PointerMove { pointer, position } => self.moved(
+                pointer,
+                DVec2::from_array(position),
+                camera,
+                viewport,
+                below,
+            ),
             InputEvent::PointerUp { pointer } => {
                 let before = self.pointers.len();
                 self.pointers.retain(|known| known.id != pointer);
@@ -119,15 +168,62 @@ impl Controls {
                 } else {
                     0.0
                 };
-                self.zoom(
-                    camera,
-                    ZOOM_PER_NOTCH.powf(notches),
-                    DVec2::from_array(position),
-                    viewport,
-                );
+                if let Some(flight) = &mut self.flight {
+                    flight.faster(-notches);
+                } else {
+                    let factor = ZOOM_PER_NOTCH.powf(notches);
+                    let place = DVec2::from_array(position);
+                    self.zoom(camera, factor, place, viewport, below);
+                }
                 Action::Taken
             }
-            InputEvent::KeyDown { key, modifiers } => self.key(key, modifiers, camera, viewport),
+            InputEvent::DoubleClick { .. } => below.map_or(Action::Ignored, Action::Focus),
+            InputEvent::KeyDown { key, modifiers } => {
+                self.key(key, modifiers, camera, viewport, below)
+            }
+            InputEvent::KeyUp { key } => {
+                let taken = self
+                    .flight
+                    .as_mut()
+                    .is_some_and(|flight| flight.release(key));
+                if taken {
+                    Action::Taken
+                } else {
+                    Action::Ignored
+                }
+            }
+            InputEvent::Blur => {
+                self.pointers.clear();
+                if let Some(flight) = &mut self.flight {
+                    flight.release_all();
+                }
+                Action::Ignored
+            }
+        }
+    }
+
+    /// Whether keys fly instead of orbiting.
+    pub fn is_flying(&self) -> bool {
+        self.flight.is_some()
+    }
+
+    /// Starts or ends flying.
+    pub fn set_flying(&mut self, on: bool) {
+        if on != self.is_flying() {
+            self.flight = on.then(|| fly::Flight::new(self.sphere.radius));
+            self.pointers.clear();
+        }
+    }
+
+    /// Whether a held key moves the camera.
+    pub fn is_moving(&self) -> bool {
+        self.flight.as_ref().is_some_and(fly::Flight::is_moving)
+    }
+
+    /// Moves `camera` by what the held keys do in `seconds`.
+    pub fn advance(&self, seconds: f64, camera: &mut Camera) {
+        if let Some(flight) = &self.flight {
+            flight.advance(seconds, camera, self.pole);
         }
     }
 
@@ -137,6 +233,7 @@ impl Controls {
         to: DVec2,
         camera: &mut Camera,
         viewport: Viewport,
+        below: Option<DVec3>,
     ) -> Action {
         if !to.is_finite() {
             return Action::Ignored;
@@ -148,50 +245,64 @@ impl Controls {
         let from = self.pointers[index].position;
         self.pointers[index].position = to;
         let delta = to - from;
+        let Pointer { gesture, held, .. } = self.pointers[index];
         if self.pointers.len() == 1 {
-            match self.pointers[index].gesture {
+            match gesture {
                 Gesture::Orbit => {
                     let angle = delta * (std::f64::consts::TAU * TURNS_PER_HEIGHT / height);
                     self.orbit(camera, -angle.x, angle.y);
                 }
-                Gesture::Pan => pan(camera, delta / height),
-                Gesture::Zoom => self.zoom(camera, (4.0 * delta.y / height).exp2(), to, viewport),
+                Gesture::Look => {
+                    let angle = delta * (std::f64::consts::TAU * TURNS_PER_HEIGHT / height);
+                    fly::look(camera, self.pole, 0.5 * angle);
+                }
+                Gesture::Pan => pan(camera, delta / height, held),
+                Gesture::Zoom => {
+                    self.zoom(camera, (4.0 * delta.y / height).exp2(), to, viewport, held);
+                }
             }
         } else if let Some(other) = self.pointers.iter().find(|known| known.id != pointer) {
             // Two fingers: their middle moves half as far as the one that moved.
             let still = other.position;
-            pan(camera, 0.5 * delta / height);
+            pan(camera, 0.5 * delta / height, below);
             let (before, after) = (
                 (from - still).length().max(1.0),
                 (to - still).length().max(1.0),
             );
-            self.zoom(camera, before / after, 0.5 * (to + still), viewport);
+            self.zoom(camera, before / after, 0.5 * (to + still), viewport, below);
         }
         Action::Taken
     }
 
     fn key(
-        &self,
+        &mut self,
         key: Key,
         modifiers: Modifiers,
         camera: &mut Camera,
         viewport: Viewport,
+        below: Option<DVec3>,
     ) -> Action {
         if modifiers.control || modifiers.alt {
             return Action::Ignored;
         }
-        let middle = 0.5 * DVec2::new(f64::from(viewport.width), f64::from(viewport.height));
+        if let Some(flight) = &mut self.flight
+            && flight.press(key)
+        {
+            return Action::Taken;
+        }
         let arrow = match key {
             Key::ArrowLeft => DVec2::NEG_X,
             Key::ArrowRight => DVec2::X,
             Key::ArrowUp => DVec2::Y,
             Key::ArrowDown => DVec2::NEG_Y,
             Key::Plus => {
-                self.zoom(camera, 1.0 / ZOOM_PER_NOTCH, middle, viewport);
+                let factor = 1.0 / ZOOM_PER_NOTCH;
+                self.zoom(camera, factor, middle(viewport), viewport, below);
                 return Action::Taken;
             }
             Key::Minus => {
-                self.zoom(camera, ZOOM_PER_NOTCH, middle, viewport);
+                let factor = ZOOM_PER_NOTCH;
+                self.zoom(camera, factor, middle(viewport), viewport, below);
                 return Action::Taken;
             }
             Key::Home => {
@@ -211,10 +322,21 @@ impl Controls {
             Key::Letter('l') => return Action::ToggleShade(Shade::Lod),
             Key::Letter('w') => return Action::ToggleShade(Shade::Wire),
             Key::Letter('n') => return Action::ToggleShade(Shade::Normal),
-            Key::Letter(_) => return Action::Ignored,
+            Key::Letter('z') => return Action::ToggleFreeze,
+            Key::Letter('g') => {
+                self.set_flying(!self.is_flying());
+                return Action::Taken;
+            }
+            Key::Escape if self.is_flying() => {
+                self.set_flying(false);
+                return Action::Taken;
+            }
+            Key::Escape | Key::Letter(_) => return Action::Ignored,
         };
-        if modifiers.shift {
-            pan(camera, DVec2::new(-arrow.x, arrow.y) * KEY_PAN);
+        if self.is_flying() {
+            fly::look(camera, self.pole, arrow * DVec2::new(KEY_ANGLE, -KEY_ANGLE));
+        } else if modifiers.shift {
+            pan(camera, DVec2::new(-arrow.x, arrow.y) * KEY_PAN, None);
         } else {
             self.orbit(camera, arrow.x * KEY_ANGLE, arrow.y * KEY_ANGLE);
         }
@@ -239,15 +361,31 @@ impl Controls {
         camera.up = self.pole;
     }
 
-    /// Multiplies the distance by `factor`, keeping what is below `position` there.
-    fn zoom(&self, camera: &mut Camera, factor: f64, position: DVec2, viewport: Viewport) {
+    /// Multiplies the distances of eye and target from `below` by `factor`; without it, the distance from the target, keeping
+    /// what is below `position` on the target's plane there.
+    fn zoom(
+        &self,
+        camera: &mut Camera,
+        factor: f64,
+        position: DVec2,
+        viewport: Viewport,
+        below: Option<DVec3>,
+    ) {
         let offset = camera.eye - camera.target;
         let distance = offset.length();
-        let wanted =
-            (distance * factor).clamp(1e-4 * self.sphere.radius, 100.0 * self.sphere.radius);
+        let (nearest, farthest) = (1e-4 * self.sphere.radius, 100.0 * self.sphere.radius);
+        if let Some(below) = below {
+            let reach = (camera.eye - below).length();
+            let (least, most) = (reach.min(distance), reach.max(distance));
+            // A view that is closer or farther already may still go the other way.
+            let factor = factor.clamp((nearest / least).min(1.0), (farthest / most).max(1.0));
+            camera.eye = below + (camera.eye - below) * factor;
+            camera.target = below + (camera.target - below) * factor;
+            return;
+        }
+        let wanted = (distance * factor).clamp(nearest, farthest);
         let factor = wanted / distance;
-        let size = DVec2::new(f64::from(viewport.width), f64::from(viewport.height));
-        let below = (position - 0.5 * size) / size.y;
+        let below = (position - middle(viewport)) / f64::from(viewport.height);
         camera.eye = camera.target + offset * factor;
         if below.is_finite() {
             let shift = plane_offset(camera, below, distance - wanted);
@@ -257,14 +395,21 @@ impl Controls {
     }
 }
 
+fn middle(viewport: Viewport) -> DVec2 {
+    0.5 * DVec2::new(f64::from(viewport.width), f64::from(viewport.height))
+}
+
 /// World vector of a picture offset (parts of the viewport's height, y down) on a plane at `distance` from the eye.
 fn plane_offset(camera: &Camera, offset: DVec2, distance: f64) -> DVec3 {
     let [right, up, _] = camera.frame();
     (right * offset.x - up * offset.y) * (2.0 * (0.5 * FIELD_OF_VIEW).tan() * distance)
 }
 
-fn pan(camera: &mut Camera, offset: DVec2) {
-    let shift = -plane_offset(camera, offset, (camera.eye - camera.target).length());
+/// Moves the picture by `offset`, what is at the depth of `held` exactly; without it, the target.
+fn pan(camera: &mut Camera, offset: DVec2, held: Option<DVec3>) {
+    let [_, _, back] = camera.frame();
+    let depth = back.dot(camera.eye - held.unwrap_or(camera.target));
+    let shift = -plane_offset(camera, offset, depth.max(0.0));
     camera.eye += shift;
     camera.target += shift;
 }
@@ -295,7 +440,7 @@ mod tests {
             position: [100.0, 100.0],
             modifiers: Modifiers::default(),
         };
-        controls.handle(down, camera, VIEWPORT);
+        controls.handle(down, camera, VIEWPORT, None);
         let to = [100.0 + by[0], 100.0 + by[1]];
         controls.handle(
             InputEvent::PointerMove {
@@ -304,8 +449,9 @@ mod tests {
             },
             camera,
             VIEWPORT,
+            None,
         );
-        controls.handle(InputEvent::PointerUp { pointer: 1 }, camera, VIEWPORT);
+        controls.handle(InputEvent::PointerUp { pointer: 1 }, camera, VIEWPORT, None);
     }
 
     #[test]
@@ -374,9 +520,102 @@ mod tests {
             },
             &mut camera,
             VIEWPORT,
+            None,
         );
         assert!((place(&camera) - before).length() < 1e-9);
         assert!((camera.eye - camera.target).length() < 2.5 * BoundingSphere::of(&metadata).radius);
+    }
+
+    #[test]
+    fn zoom_is_about_the_point_below_and_keeps_the_direction() {
+        let (mut controls, camera) = start();
+        let point = DVec3::new(0.3, 0.2, 0.7);
+        let radius = BoundingSphere::of(&metadata()).radius;
+        for notches in [-5.0, -1.0, 2.0, 20.0] {
+            let mut moved = camera;
+            for _ in 0..20 {
+                let before = moved;
+                let wheel = InputEvent::Wheel {
+                    notches,
+                    position: [10.0, 20.0],
+                };
+                controls.handle(wheel, &mut moved, VIEWPORT, Some(point));
+                let direction = |from: DVec3, to: DVec3| (to - from).normalize_or_zero();
+                assert!(
+                    (direction(moved.eye, point) - direction(before.eye, point)).length() < 1e-9
+                );
+                assert!(
+                    (direction(moved.eye, moved.target) - direction(before.eye, before.target))
+                        .length()
+                        < 1e-9
+                );
+            }
+            let reach = (moved.eye - point).length();
+            assert!(reach >= 0.999e-4 * radius && reach <= 101.0 * radius);
+            assert_eq!(notches < 0.0, reach < (camera.eye - point).length());
+        }
+    }
+
+    #[test]
+    fn a_pan_carries_what_was_taken_hold_of() {
+        let (mut controls, mut camera) = start();
+        let view = |camera: &Camera| crate::camera::View::new(camera, &metadata(), VIEWPORT);
+        let point = DVec3::new(0.3, 0.2, 0.7);
+        let lattice = crate::camera::lattice_from_world(&metadata().lattice, point);
+        let (from, _) = view(&camera).project(lattice).unwrap();
+        let to = from + DVec2::new(-33.0, 12.0);
+        let down = InputEvent::PointerDown {
+            pointer: 1,
+            kind: PointerKind::Mouse,
+            button: PointerButton::Secondary,
+            position: from.to_array(),
+            modifiers: Modifiers::default(),
+        };
+        let drag = InputEvent::PointerMove {
+            pointer: 1,
+            position: to.to_array(),
+        };
+        assert_eq!(controls.place_of_interest(&down, VIEWPORT), Some(from));
+        controls.handle(down, &mut camera, VIEWPORT, Some(point));
+        assert_eq!(controls.place_of_interest(&drag, VIEWPORT), None);
+        controls.handle(drag, &mut camera, VIEWPORT, None);
+        let (now, _) = view(&camera).project(lattice).unwrap();
+        assert!((now - to).length() < 1e-6);
+    }
+
+    #[test]
+    fn held_keys_fly_until_released() {
+        let (mut controls, mut camera) = start();
+        let before = camera;
+        let key = |key| InputEvent::KeyDown {
+            key,
+            modifiers: Modifiers::default(),
+        };
+        let mut press =
+            |controls: &mut Controls, event| controls.handle(event, &mut camera, VIEWPORT, None);
+        assert_eq!(press(&mut controls, key(Key::Letter('g'))), Action::Taken);
+        assert_eq!(press(&mut controls, key(Key::Letter('w'))), Action::Taken);
+        assert!(controls.is_flying() && controls.is_moving());
+        let mut flown = before;
+        controls.advance(0.5, &mut flown);
+        let ahead = (before.target - before.eye).normalize_or_zero();
+        let moved = flown.eye - before.eye;
+        assert!(moved.length() > 0.0 && (moved.normalize_or_zero() - ahead).length() < 1e-9);
+        assert!((flown.target - before.target - moved).length() < 1e-9);
+        let up = InputEvent::KeyUp {
+            key: Key::Letter('w'),
+        };
+        assert_eq!(press(&mut controls, up), Action::Taken);
+        assert!(!controls.is_moving());
+        press(&mut controls, key(Key::Letter('d')));
+        assert_eq!(press(&mut controls, InputEvent::Blur), Action::Ignored);
+        assert!(!controls.is_moving());
+        assert_eq!(press(&mut controls, key(Key::Escape)), Action::Taken);
+        assert!(!controls.is_flying());
+        assert_eq!(
+            press(&mut controls, key(Key::Letter('w'))),
+            Action::ToggleShade(Shade::Wire)
+        );
     }
 
     #[test]
@@ -391,7 +630,7 @@ mod tests {
                 position: [x, 100.0],
                 modifiers: Modifiers::default(),
             };
-            controls.handle(down, &mut camera, VIEWPORT);
+            controls.handle(down, &mut camera, VIEWPORT, None);
         }
         controls.handle(
             InputEvent::PointerMove {
@@ -400,6 +639,7 @@ mod tests {
             },
             &mut camera,
             VIEWPORT,
+            None,
         );
         assert!(((camera.eye - camera.target).length() - 0.5 * before).abs() < 1e-9 * before);
     }
@@ -415,11 +655,11 @@ mod tests {
             },
         };
         assert_eq!(
-            controls.handle(event(true), &mut camera, VIEWPORT),
+            controls.handle(event(true), &mut camera, VIEWPORT, None),
             Action::Ignored
         );
         assert_eq!(
-            controls.handle(event(false), &mut camera, VIEWPORT),
+            controls.handle(event(false), &mut camera, VIEWPORT, None),
             Action::ToggleShade(Shade::Wire)
         );
     }
@@ -437,7 +677,7 @@ mod tests {
             notches: f64::INFINITY,
             position: [f64::NAN, 0.0],
         };
-        controls.handle(wheel, &mut camera, VIEWPORT);
+        controls.handle(wheel, &mut camera, VIEWPORT, None);
         assert!(camera.eye.is_finite() && camera.target.is_finite());
     }
 }

@@ -4,9 +4,6 @@
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum EngineError {
-    /// A transition that this version does not draw.
-    #[error("transition `{0}` is not supported yet; use `none` or `geomorph`")]
-    UnsupportedTransition(&'static str),
     /// A camera that is not six finite numbers, or whose eye is its target.
     #[error("camera `{text}`: {reason}; expected six numbers eye.x,y,z,target.x,y,z")]
     Camera {

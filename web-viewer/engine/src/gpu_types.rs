@@ -6,6 +6,7 @@ use crate::lod::edge_morph::SideMode;
 use crate::lod::{Cut, Leaf};
 use crate::options::Shade;
 use crate::residency::upload::Slot;
+use crate::section::HalfSpace;
 use bytemuck::{Pod, Zeroable};
 use std::ops::Range;
 
@@ -32,10 +33,17 @@ pub struct Frame {
     pub up: [f32; 4],
     /// From the target to the eye, world.
     pub back: [f32; 4],
+    /// Half-space that stays: what of an offset from the eye, lattice units, lies along xyz is at most w.
+    pub section: [f32; 4],
+    /// Noise from which and below which pixels are drawn; the other two are not used.
+    pub mask: [f32; 4],
 }
 
+/// Noise is at least 0 and below 1: everything is drawn.
+pub const WHOLE: [f32; 4] = [-1.0, 2.0, 0.0, 0.0];
+
 impl Frame {
-    /// The frame of a view.
+    /// The frame of a view in which nothing is cut away.
     pub fn new(view: &View, shade: Shade, has_colours: bool) -> Self {
         let [right, up, back] = view.frame.map(|axis| axis.as_vec3().extend(0.0).to_array());
         Self {
@@ -55,6 +63,29 @@ impl Frame {
             right,
             up,
             back,
+            section: [0.0, 0.0, 0.0, 1.0],
+            mask: WHOLE,
+        }
+    }
+
+    /// The same, of the half-space `section` (lattice coordinates).
+    #[must_use]
+    pub fn cut_open(self, view: &View, section: HalfSpace) -> Self {
+        let eye = glam::DVec3::from_array(view.eye.whole.map(f64::from))
+            + glam::DVec3::from_array(view.eye.fraction);
+        let left = section.offset - section.normal.dot(eye);
+        Self {
+            section: section.normal.extend(left).as_vec4().to_array(),
+            ..self
+        }
+    }
+
+    /// The same, drawn where the noise is in `low..high`.
+    #[must_use]
+    pub fn masked(self, low: f32, high: f32) -> Self {
+        Self {
+            mask: [low, high, 0.0, 0.0],
+            ..self
         }
     }
 }
@@ -123,6 +154,21 @@ impl DrawList {
         let mut list = Self::default();
         for (end, size) in list.ends.iter_mut().zip(by_size) {
             list.instances.extend(size);
+            *end = u32::try_from(list.instances.len()).unwrap_or(u32::MAX);
+        }
+        list
+    }
+
+    /// The instances that `keep` keeps, in the same order.
+    #[must_use]
+    pub fn filtered(&self, mut keep: impl FnMut(&Instance) -> bool) -> Self {
+        let mut list = Self::default();
+        let starts = std::iter::once(0).chain(self.ends);
+        for (end, (start, stop)) in list.ends.iter_mut().zip(starts.zip(self.ends)) {
+            let range = usize::try_from(start).ok().zip(usize::try_from(stop).ok());
+            let own = range.and_then(|(start, stop)| self.instances.get(start..stop));
+            list.instances
+                .extend(own.unwrap_or_default().iter().filter(|i| keep(i)));
             *end = u32::try_from(list.instances.len()).unwrap_or(u32::MAX);
         }
         list
@@ -211,5 +257,14 @@ mod tests {
         }
         assert_eq!(next as usize, list.instances.len());
         assert_eq!(DrawList::new(&cut, |_| None).draws().count(), 0);
+        let [kept, rest] = [0, 1].map(|wanted| {
+            let mut turn = 0;
+            list.filtered(|_| {
+                turn += 1;
+                turn % 2 == wanted
+            })
+        });
+        assert_eq!(kept.triangles() + rest.triangles(), list.triangles());
+        assert_eq!(list.filtered(|_| true), list);
     }
 }

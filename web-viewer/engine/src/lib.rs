@@ -21,7 +21,9 @@ pub mod gpu_types;
 pub mod lod;
 pub mod options;
 pub mod passes;
+pub mod pick;
 pub mod residency;
+pub mod section;
 pub mod stats;
 #[cfg(all(any(test, feature = "testing"), not(target_arch = "wasm32")))]
 pub mod testing;
@@ -32,7 +34,9 @@ pub use controls::{InputEvent, Key, Modifiers, PointerButton, PointerKind};
 pub use error::EngineError;
 pub use options::{Background, Shade, Transition, ViewerOptions, Viewport};
 pub use passes::Renderer;
+pub use pick::Pick;
 pub use residency::fetch::{Request, RequestId, RequestKind};
+pub use section::Section;
 pub use stats::Stats;
 pub use viewer::Viewer;
 

@@ -1,6 +1,6 @@
 //! What a user may choose about a view.
 
-use crate::EngineError;
+use crate::{EngineError, Section};
 use std::str::FromStr;
 
 /// Size of the picture, physical pixels.
@@ -27,6 +27,10 @@ impl Viewport {
 pub enum Transition {
     /// At once: the picture pops.
     None,
+    /// One picture fades into the other.
+    Alpha,
+    /// One picture takes the other's place pixel by pixel.
+    Dither,
     /// Vertices travel between the two surfaces.
     #[default]
     Geomorph,
@@ -40,13 +44,25 @@ impl FromStr for Transition {
         match text {
             "none" => Ok(Self::None),
             "geomorph" => Ok(Self::Geomorph),
-            "alpha" => Err(EngineError::UnsupportedTransition("alpha")),
-            "dither" => Err(EngineError::UnsupportedTransition("dither")),
+            "alpha" => Ok(Self::Alpha),
+            "dither" => Ok(Self::Dither),
             _ => Err(EngineError::Option {
                 name: "transition",
                 value: text.to_owned(),
                 expected: "none, alpha, dither or geomorph",
             }),
+        }
+    }
+}
+
+impl Transition {
+    /// What [`Transition::from_str`] reads.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::None => "none",
+            Self::Alpha => "alpha",
+            Self::Dither => "dither",
+            Self::Geomorph => "geomorph",
         }
     }
 }
@@ -134,8 +150,12 @@ pub struct ViewerOptions {
     pub pages_per_update: usize,
     /// Most requests under way at once; at least 1.
     pub requests_in_flight: usize,
-    /// Seconds a geomorph takes; 0 makes every change at once.
+    /// Seconds a transition takes; 0 makes every change at once.
     pub morph_seconds: f64,
+    /// Where the model is cut open.
+    pub section: Option<Section>,
+    /// Whether what is drawn stays as it is, wherever one looks from: to see a cut from outside.
+    pub freeze: bool,
 }
 
 impl Default for ViewerOptions {
@@ -149,6 +169,8 @@ impl Default for ViewerOptions {
             pages_per_update: 32,
             requests_in_flight: 6,
             morph_seconds: 0.25,
+            section: None,
+            freeze: false,
         }
     }
 }

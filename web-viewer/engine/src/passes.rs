@@ -1,17 +1,19 @@
 //! Drawing with wgpu. Everything else in this crate works without.
 
 pub mod atlas;
+pub mod blend;
 pub mod cluster;
 pub mod colour;
 pub mod grid;
 pub mod timer;
 
-use crate::gpu_types::Frame;
-use crate::{EngineError, Viewer, Viewport};
+use crate::gpu_types::{DrawList, Frame};
+use crate::{EngineError, Transition, Viewer, Viewport};
 use atlas::AtlasTextures;
+use blend::BlendPass;
 use cluster::{ClusterBuffers, ClusterPass};
 use colour::TileTextures;
-use grid::{DEPTH_FORMAT, GridPass, SAMPLES};
+use grid::{DEPTH_FORMAT, Drawing, GridPass, Layer, SAMPLES};
 use timer::GpuTimer;
 
 /// Draws a [`Viewer`] on one device. 4× multisampled; depth is reversed, 32-bit float.
@@ -27,6 +29,8 @@ pub struct Renderer {
     timer: Option<GpuTimer>,
     scene: Option<Scene>,
     surface: Option<Surface>,
+    /// Made for the first picture that fades.
+    blend: Option<BlendPass>,
 }
 
 /// What belongs to one viewer.
@@ -37,6 +41,18 @@ struct Scene {
     clusters: ClusterBuffers,
     tiles: TileTextures,
     instances: wgpu::Buffer,
+}
+
+/// One of the pictures that a frame is made of.
+#[derive(Debug, Clone, Copy)]
+struct Picture<'a> {
+    target: &'a wgpu::TextureView,
+    layers: &'a [Layer],
+    discards: bool,
+    /// Whether the clock starts with it.
+    is_first: bool,
+    /// Whether the clock stops after it.
+    is_last: bool,
 }
 
 /// Intermediate pictures of one size.
@@ -63,7 +79,7 @@ impl Renderer {
     pub fn new(device: &wgpu::Device, queue: &wgpu::Queue, format: wgpu::TextureFormat) -> Self {
         let grid = GridPass::new(device, queue, format);
         Self {
-            cluster: ClusterPass::new(device, &grid, format),
+            cluster: ClusterPass::new(device, &grid),
             grid,
             timer: GpuTimer::new(device, queue),
             device: device.clone(),
@@ -71,6 +87,7 @@ impl Renderer {
             format,
             scene: None,
             surface: None,
+            blend: None,
         }
     }
 
@@ -105,49 +122,7 @@ impl Renderer {
             Some(surface) => surface,
             None => Surface::new(&self.device, viewer.viewport(), self.format),
         };
-        let frame = viewer
-            .frame()
-            .unwrap_or(<Frame as bytemuck::Zeroable>::zeroed());
-        self.grid.set_frame(&self.queue, &frame);
-        let background = clear_colour(viewer.options().background.0, self.format.is_srgb());
-        {
-            let mut pass = encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
-                label: Some("surface"),
-                color_attachments: &[Some(wgpu::RenderPassColorAttachment {
-                    view: &surface.colour,
-                    depth_slice: None,
-                    resolve_target: Some(target),
-                    ops: wgpu::Operations {
-                        load: wgpu::LoadOp::Clear(background),
-                        store: wgpu::StoreOp::Discard,
-                    },
-                })],
-                depth_stencil_attachment: Some(wgpu::RenderPassDepthStencilAttachment {
-                    view: &surface.depth,
-                    depth_ops: Some(wgpu::Operations {
-                        load: wgpu::LoadOp::Clear(0.0),
-                        store: wgpu::StoreOp::Discard,
-                    }),
-                    stencil_ops: None,
-                }),
-                timestamp_writes: self.timer.as_ref().map(GpuTimer::writes),
-                ..Default::default()
-            });
-            let textures = self.grid.bind(&self.device, &scene.atlas, &scene.tiles);
-            self.grid.draw(
-                &mut pass,
-                &textures,
-                &scene.instances,
-                viewer.draw_list(),
-                viewer.options().shade,
-            );
-            self.cluster.draw(
-                &mut pass,
-                &scene.clusters,
-                viewer.cluster_list(),
-                viewer.options().shade,
-            );
-        }
+        self.draw_picture(&mut encoder, viewer, &scene, &surface, target);
         if let Some(timer) = &self.timer {
             timer.resolve(&mut encoder);
         }
@@ -160,6 +135,135 @@ impl Renderer {
 }
 
 impl Renderer {
+    fn draw_picture(
+        &mut self,
+        encoder: &mut wgpu::CommandEncoder,
+        viewer: &Viewer,
+        scene: &Scene,
+        surface: &Surface,
+        target: &wgpu::TextureView,
+    ) {
+        let is_cut_open = viewer.options().section.is_some();
+        let part = viewer.fading().map(|fading| fading.part);
+        let by_alpha = viewer.options().transition == Transition::Alpha;
+        let frame = viewer
+            .frame()
+            .unwrap_or(<Frame as bytemuck::Zeroable>::zeroed());
+        self.grid.set_frame(&self.queue, Layer::Steady, &frame);
+        let mut picture = Picture {
+            target,
+            layers: &[Layer::Steady],
+            discards: is_cut_open,
+            is_first: true,
+            is_last: true,
+        };
+        let Some(part) = part else {
+            self.draw_layers(encoder, viewer, scene, surface, &picture);
+            return;
+        };
+        let masks = if by_alpha {
+            [frame, frame]
+        } else {
+            [frame.masked(part, 2.0), frame.masked(-1.0, part)]
+        };
+        for (layer, frame) in [Layer::Leaving, Layer::Arriving].into_iter().zip(masks) {
+            self.grid.set_frame(&self.queue, layer, &frame);
+        }
+        if !by_alpha {
+            picture.layers = &[Layer::Steady, Layer::Leaving, Layer::Arriving];
+            picture.discards = true;
+            self.draw_layers(encoder, viewer, scene, surface, &picture);
+            return;
+        }
+        let blend = match self
+            .blend
+            .take()
+            .filter(|blend| blend.size() == surface.size)
+        {
+            Some(blend) => blend,
+            None => BlendPass::new(&self.device, surface.size, self.format),
+        };
+        let old = Picture {
+            layers: &[Layer::Steady, Layer::Leaving],
+            is_last: false,
+            ..picture
+        };
+        let new = Picture {
+            target: blend.arriving(),
+            layers: &[Layer::Steady, Layer::Arriving],
+            is_first: false,
+            ..picture
+        };
+        self.draw_layers(encoder, viewer, scene, surface, &old);
+        self.draw_layers(encoder, viewer, scene, surface, &new);
+        blend.mix(&self.device, encoder, target, part);
+        self.blend = Some(blend);
+    }
+
+    fn draw_layers(
+        &self,
+        encoder: &mut wgpu::CommandEncoder,
+        viewer: &Viewer,
+        scene: &Scene,
+        surface: &Surface,
+        picture: &Picture<'_>,
+    ) {
+        let background = clear_colour(viewer.options().background.0, self.format.is_srgb());
+        let timer = self.timer.as_ref();
+        let mut pass = encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
+            label: Some("surface"),
+            color_attachments: &[Some(wgpu::RenderPassColorAttachment {
+                view: &surface.colour,
+                depth_slice: None,
+                resolve_target: Some(picture.target),
+                ops: wgpu::Operations {
+                    load: wgpu::LoadOp::Clear(background),
+                    store: wgpu::StoreOp::Discard,
+                },
+            })],
+            depth_stencil_attachment: Some(wgpu::RenderPassDepthStencilAttachment {
+                view: &surface.depth,
+                depth_ops: Some(wgpu::Operations {
+                    load: wgpu::LoadOp::Clear(0.0),
+                    store: wgpu::StoreOp::Discard,
+                }),
+                stencil_ops: None,
+            }),
+            timestamp_writes: timer
+                .and_then(|timer| timer.writes(picture.is_first, picture.is_last)),
+            ..Default::default()
+        });
+        for layer in picture.layers {
+            let Some((list, first)) = Scene::layer(viewer, *layer) else {
+                continue;
+            };
+            let samples = self
+                .grid
+                .bind(&self.device, *layer, &scene.atlas, &scene.tiles);
+            self.grid.draw(
+                &mut pass,
+                &samples,
+                &scene.instances,
+                Drawing { list, first },
+                viewer.options().shade,
+                picture.discards,
+            );
+        }
+        // One cluster takes the place of others at once: they are in every picture.
+        let samples = self
+            .grid
+            .bind(&self.device, Layer::Steady, &scene.atlas, &scene.tiles);
+        pass.set_bind_group(0, &samples, &[]);
+        self.cluster.draw(
+            &self.grid,
+            &mut pass,
+            &scene.clusters,
+            viewer.cluster_list(),
+            viewer.options().shade,
+            picture.discards,
+        );
+    }
+
     /// Times the frames drawn; `None` where the device cannot.
     pub fn timer(&self) -> Option<&GpuTimer> {
         self.timer.as_ref()
@@ -211,13 +315,29 @@ impl Scene {
             }
             self.tiles.write_map(device, queue, layer.map());
         }
-        let bytes: &[u8] = bytemuck::cast_slice(&viewer.draw_list().instances);
+        let lists = viewer.draw_lists();
+        let slices = lists.iter().map(|list| list.instances.as_slice());
+        let instances: Vec<_> = slices.flatten().copied().collect();
+        let bytes: &[u8] = bytemuck::cast_slice(&instances);
         let needed = u64::try_from(bytes.len()).unwrap_or(u64::MAX);
         if self.instances.size() < needed {
             self.instances = instance_buffer(device, needed.next_power_of_two());
         }
         queue.write_buffer(&self.instances, 0, bytes);
         Ok(())
+    }
+
+    /// The instances of `layer`, and where they start in the buffer.
+    fn layer(viewer: &Viewer, layer: Layer) -> Option<(&DrawList, u32)> {
+        let index = match layer {
+            Layer::Steady => 0,
+            Layer::Leaving => 1,
+            Layer::Arriving => 2,
+        };
+        let lists = viewer.draw_lists();
+        let before = lists.iter().take(index).map(|list| list.instances.len());
+        let first = u32::try_from(before.sum::<usize>()).ok()?;
+        Some((*lists.get(index)?, first))
     }
 }
 

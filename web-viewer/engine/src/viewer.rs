@@ -4,6 +4,9 @@
 //! fetch. Planning is skipped while nothing it depends on has changed.
 
 mod colour;
+mod fade;
+mod glide;
+mod pick;
 mod plan;
 mod stream;
 
@@ -14,7 +17,7 @@ use crate::controls::{Action, Controls};
 use crate::gpu_types::{ClusterList, DrawList, Frame, Instance};
 use crate::lod::animate::Drawn;
 use crate::lod::cluster;
-use crate::lod::cut::Cut;
+use crate::lod::cut::{Cut, Leaf};
 use crate::lod::desire::{Forest, Wanted};
 use crate::lod::edge_morph::{morph_of, side_modes};
 use crate::lod::residency::restrict;
@@ -22,6 +25,7 @@ use crate::options::{Shade, Transition};
 use crate::residency::fetch::{Delivery, Fetcher, Item};
 use crate::residency::page_table::PageTable;
 use crate::residency::upload::{ClusterUpload, MAX_LAYERS, Upload};
+use crate::section::HalfSpace;
 use crate::stats::{CacheStats, PageStats};
 use crate::{Camera, EngineError, InputEvent, Request, RequestId, Stats, ViewerOptions, Viewport};
 use marquetry_format::{ContentKind, Document, NodeId, PageId};
@@ -62,6 +66,9 @@ pub struct Viewer {
     drawn: Drawn,
     draw_list: DrawList,
     cluster_list: ClusterList,
+    fade: Option<fade::Fade>,
+    fading: Option<fade::Fading>,
+    glide: Option<glide::Glide>,
 
     table: PageTable,
     fetcher: Fetcher,
@@ -161,6 +168,9 @@ impl Viewer {
             drawn: Drawn::at_rest(coarsest),
             draw_list: DrawList::default(),
             cluster_list: ClusterList::default(),
+            fade: None,
+            fading: None,
+            glide: None,
             table,
             fetcher: Fetcher::default(),
             fetched: 0,
@@ -204,17 +214,45 @@ impl Viewer {
         let finite = camera.eye.is_finite() && camera.target.is_finite() && camera.up.is_finite();
         if finite && camera.eye != camera.target {
             self.camera = camera;
+            self.glide = None;
         }
+    }
+
+    /// Whether keys fly instead of orbiting.
+    pub fn is_flying(&self) -> bool {
+        self.controls.is_flying()
+    }
+
+    /// Starts or ends flying, as the key `g` does.
+    pub fn set_flying(&mut self, on: bool) {
+        self.controls.set_flying(on);
     }
 
     /// Takes input; whether it meant something (a shell then keeps the event from scrolling the page).
     pub fn handle(&mut self, event: InputEvent) -> bool {
         let mut camera = self.camera;
-        let action = self.controls.handle(event, &mut camera, self.viewport);
-        self.set_camera(camera);
+        let below = self
+            .controls
+            .place_of_interest(&event, self.viewport)
+            .and_then(|place| Some(self.pick_from(&camera, place)?.world));
+        let action = self
+            .controls
+            .handle(event, &mut camera, self.viewport, below);
+        if action != Action::Ignored || camera != self.camera {
+            self.set_camera(camera);
+        }
         match action {
             Action::Ignored => false,
             Action::Taken => true,
+            Action::Focus(point) => {
+                self.glide = Some(glide::Glide::to(self.camera, point));
+                true
+            }
+            Action::ToggleFreeze => {
+                self.options.freeze = !self.options.freeze;
+                self.stale.plan = true;
+                true
+            }
             Action::ToggleShade(shade) => {
                 self.options.shade = if self.options.shade == shade {
                     Shade::Lit
@@ -235,13 +273,14 @@ impl Viewer {
             0.0
         };
         self.clock += seconds;
+        self.move_camera(seconds);
         let view = self.look(viewport);
         self.decode_arrived();
-        if self.stale.plan || self.planned_resting != self.is_resting() {
+        if !self.options.freeze && (self.stale.plan || self.planned_resting != self.is_resting()) {
             self.plan(&view);
             self.plan_colour(&view);
         }
-        if self.stale.target {
+        if !self.options.freeze && self.stale.target {
             self.stale.target = false;
             self.target = restrict(&self.wanted.cut, &self.document, |page| {
                 self.table.contains(page)
@@ -252,7 +291,8 @@ impl Viewer {
         if self.stale.picture {
             self.stale.picture = false;
             self.stale.frame = true;
-            self.collect(&view);
+            self.collect_both(&view);
+            self.collect_clusters(&view);
         }
         self.schedule()
     }
@@ -297,15 +337,16 @@ impl Viewer {
 
     /// Whether nothing is missing for this view (or nothing more fits the budget) and every morph is at rest.
     pub fn is_settled(&self) -> bool {
-        self.is_ready()
-            && !self.stale.plan
+        let is_complete = !self.stale.plan
             && !self.stale.target
-            && self.is_resting()
             && self.planned_resting
             && self.wanted.blocks.is_empty()
             && self.missing().all(|needed| !needed.allowed)
-            && self.is_colour_settled()
-            && self.drawn.is_at_rest(&self.target)
+            && self.is_colour_settled();
+        self.is_ready()
+            && (is_complete || self.options.freeze)
+            && self.is_resting()
+            && !self.is_animating()
     }
 
     /// Whether the picture has changed since [`Renderer::render`](crate::Renderer::render) last drew it.
@@ -315,21 +356,23 @@ impl Viewer {
 
     /// Whether something in the picture is on its way to another resolution, so that every frame differs.
     pub fn is_animating(&self) -> bool {
-        !self.drawn.is_at_rest(&self.target)
+        self.fade.is_some()
+            || self.glide.is_some()
+            || self.controls.is_moving()
+            || !self.drawn.is_at_rest(&self.target)
     }
 
     /// Whether calling [`Viewer::update`] again has a point before input or a delivery comes (morphs, retries, decodes).
     pub fn needs_update(&self) -> bool {
+        let is_choosing = self.stale.plan || self.stale.target || !self.planned_resting;
         !self.is_ready()
-            || self.stale.plan
-            || self.stale.target
+            || (is_choosing && !self.options.freeze)
             || self.stale.picture
             || !self.is_resting()
-            || !self.planned_resting
             || self.fetcher.has_arrived()
             || self.fetcher.is_pausing()
             || self.colour_needs_update()
-            || !self.drawn.is_at_rest(&self.target)
+            || self.is_animating()
     }
 
     /// What is drawn and what it took.
@@ -339,10 +382,13 @@ impl Viewer {
             .as_ref()
             .map(ColourLayer::stats)
             .unwrap_or_default();
+        let lists = || self.draw_lists().into_iter();
         Stats {
-            triangles: self.draw_list.triangles() + self.cluster_list.triangles,
-            nodes: self.draw_list.instances.len() as u64 + self.cluster_list.nodes,
-            draw_calls: (self.draw_list.draws().count() + self.cluster_list.runs.len()) as u64,
+            triangles: lists().map(DrawList::triangles).sum::<u64>() + self.cluster_list.triangles,
+            nodes: lists().map(|list| list.instances.len() as u64).sum::<u64>()
+                + self.cluster_list.nodes,
+            draw_calls: (lists().map(|list| list.draws().count()).sum::<usize>()
+                + self.cluster_list.runs.len()) as u64,
             pages: PageStats {
                 requested: self.fetcher.requested(),
                 fetched: self.fetched,
@@ -390,8 +436,17 @@ impl Viewer {
         &self.drawn
     }
 
-    pub(crate) fn draw_list(&self) -> &DrawList {
-        &self.draw_list
+    pub(crate) fn fading(&self) -> Option<&fade::Fading> {
+        self.fading.as_ref()
+    }
+
+    /// Everything that is drawn: what stays, what goes, what comes.
+    pub(crate) fn draw_lists(&self) -> Vec<&DrawList> {
+        let fading = self.fading.as_ref();
+        let others = fading.map(|fading| [&fading.leaving, &fading.arriving]);
+        std::iter::once(&self.draw_list)
+            .chain(others.into_iter().flatten())
+            .collect()
     }
 
     pub(crate) fn cluster_list(&self) -> &ClusterList {
@@ -400,11 +455,18 @@ impl Viewer {
 
     pub(crate) fn frame(&self) -> Option<Frame> {
         let view = self.view.as_ref()?;
-        Some(Frame::new(
-            view,
-            self.options.shade,
-            self.document.metadata.has_colours,
-        ))
+        let frame = Frame::new(view, self.options.shade, self.document.metadata.has_colours);
+        Some(match self.section() {
+            Some(section) => frame.cut_open(view, section),
+            None => frame,
+        })
+    }
+
+    /// The half-space that is shown, lattice coordinates.
+    pub(crate) fn section(&self) -> Option<HalfSpace> {
+        let metadata = &self.document.metadata;
+        let section = self.options.section?;
+        Some(section.plane(metadata).on_lattice(&metadata.lattice))
     }
 
     pub(crate) fn viewport(&self) -> Viewport {
@@ -456,56 +518,77 @@ impl Viewer {
         view
     }
 
+    /// Goes on with what moves the camera by itself.
+    fn move_camera(&mut self, seconds: f64) {
+        let mut camera = self.camera;
+        if let Some(mut glide) = self.glide.take() {
+            if self.options.morph_seconds == 0.0 {
+                self.camera = glide.end();
+                return;
+            }
+            let (camera, has_arrived) = glide.advance(seconds);
+            self.camera = camera;
+            self.glide = (!has_arrived).then_some(glide);
+        } else if self.controls.is_moving() {
+            self.controls.advance(seconds, &mut camera);
+            self.set_camera(camera);
+        }
+    }
+
     fn animate(&mut self, seconds: f64) {
-        if self.drawn.is_at_rest(&self.target) {
+        if self.fade.is_none() && self.drawn.is_at_rest(&self.target) {
             return;
         }
         let at_once =
             self.options.transition == Transition::None || self.options.morph_seconds == 0.0;
         // Nothing has been shown yet, or nothing is to be seen of the change.
-        if at_once || (self.draw_list.instances.is_empty() && self.cluster_list.nodes == 0) {
+        if at_once || self.stats().nodes == 0 {
+            self.fade = None;
             self.drawn = Drawn::at_rest(self.target.clone());
         } else {
             #[expect(clippy::cast_possible_truncation, reason = "between 0 and 1")]
             let step = (seconds.min(LONGEST_STEP) / self.options.morph_seconds).min(1.0) as f32;
-            self.drawn
-                .advance(&self.target, &self.document.charts, step);
+            if self.fades() {
+                self.fade(step);
+            } else {
+                self.fade = None;
+                self.drawn
+                    .advance(&self.target, &self.document.charts, step);
+            }
         }
         self.pin();
         self.stale.picture = true;
     }
 
-    /// Collects what is in the picture.
-    fn collect(&mut self, view: &View) {
+    /// How `leaf` of `drawn` is drawn; `None` where it is not in the picture.
+    fn instance(&self, view: &View, drawn: &Drawn, leaf: Leaf) -> Option<Instance> {
         let document = &self.document;
-        let drawn = &self.drawn;
-        let (mut colour, now) = (self.colour.take(), self.clock);
-        let fade_seconds = self.fade_seconds();
-        if let Some(layer) = &mut colour {
-            layer.clear_map();
+        let bounds = self.forest.bounds(document, leaf.node)?;
+        if !view.sees(&bounds) {
+            return None;
         }
-        self.draw_list = DrawList::new(&drawn.cut, |leaf| {
-            let bounds = self.forest.bounds(document, leaf.node)?;
-            if !view.sees(&bounds) {
-                return None;
-            }
-            let base = usize::try_from(leaf.node.chart.0)
-                .ok()
-                .and_then(|chart| self.table.base_slot(chart))?;
-            let slot = if leaf.node.level == 0 && leaf.resolution <= base.resolution {
-                base
-            } else {
-                self.table.slot(document.page_of_node(leaf.node)?)?
-            };
-            let sides = side_modes(&drawn.cut, &drawn.morphs, &document.charts, leaf);
-            let mut instance = Instance::new(leaf, slot, morph_of(&drawn.morphs, leaf), sides);
-            if let Some(layer) = &mut colour {
-                instance.tiles = layer.add_to_map(leaf.node, now, fade_seconds);
-            }
-            Some(instance)
-        });
+        let base = usize::try_from(leaf.node.chart.0)
+            .ok()
+            .and_then(|chart| self.table.base_slot(chart))?;
+        let slot = if leaf.node.level == 0 && leaf.resolution <= base.resolution {
+            base
+        } else {
+            self.table.slot(document.page_of_node(leaf.node)?)?
+        };
+        let sides = side_modes(&drawn.cut, &drawn.morphs, &document.charts, leaf);
+        Some(Instance::new(
+            leaf,
+            slot,
+            morph_of(&drawn.morphs, leaf),
+            sides,
+        ))
+    }
+
+    /// Collects the clusters in the picture.
+    fn collect_clusters(&mut self, view: &View) {
+        let document = &self.document;
         self.cluster_list = ClusterList::new(
-            cluster::drawn(document, &drawn.cut)
+            cluster::drawn(document, &self.drawn.cut)
                 .into_iter()
                 .filter_map(|id| {
                     let node = document.clusters.as_ref()?.node(id)?;
@@ -513,7 +596,6 @@ impl Viewer {
                     view.sees(&node.bounds).then_some((slot, node.triangles))
                 }),
         );
-        self.colour = colour;
     }
 }
 

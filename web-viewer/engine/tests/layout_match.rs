@@ -36,6 +36,8 @@ fn frame_has_the_same_members_in_the_same_places() {
         ("right", offset_of!(Frame, right)),
         ("up", offset_of!(Frame, up)),
         ("back", offset_of!(Frame, back)),
+        ("section", offset_of!(Frame, section)),
+        ("mask", offset_of!(Frame, mask)),
     ];
     assert_eq!(wgsl, rust);
     assert_eq!(span as usize, size_of::<Frame>());

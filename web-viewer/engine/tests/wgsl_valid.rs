@@ -1,7 +1,7 @@
 //! Every shader parses and validates, without a GPU.
 
 use marquetry_engine::passes::cluster::shader;
-use marquetry_engine::passes::grid::SHADER;
+use marquetry_engine::passes::{blend, grid::SHADER};
 use naga::valid::{Capabilities, ValidationFlags, Validator};
 
 #[test]
@@ -48,4 +48,13 @@ fn cluster_shader_is_valid() {
             }
         ));
     }
+}
+
+#[test]
+fn blend_shader_is_valid() {
+    let module = naga::front::wgsl::parse_str(blend::SHADER)
+        .unwrap_or_else(|error| panic!("{}", error.emit_to_string(blend::SHADER)));
+    Validator::new(ValidationFlags::all(), Capabilities::empty())
+        .validate(&module)
+        .unwrap_or_else(|error| panic!("{}", error.emit_to_string(blend::SHADER)));
 }

@@ -1,5 +1,6 @@
 //! Native shell of the engine: window, headless rendering, file and HTTP sources.
 
+mod clicks;
 pub mod error;
 pub mod headless;
 mod loader;

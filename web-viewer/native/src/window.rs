@@ -1,6 +1,7 @@
 //! `marquetry view`: a window with the same controls as the page.
 
 use crate::NativeError;
+use crate::clicks::Clicks;
 use crate::headless::device_of;
 use crate::loader::Loader;
 use marquetry_engine::{
@@ -50,6 +51,7 @@ pub fn view(source: &Arc<dyn ByteSource>, options: ViewerOptions) -> Result<(), 
         shown: None,
         failure: None,
         cursor: [0.0; 2],
+        clicks: Clicks::default(),
         modifiers: ModifiersState::empty(),
         last_update: Instant::now(),
     };
@@ -71,6 +73,7 @@ struct App {
     shown: Option<Shown>,
     failure: Option<NativeError>,
     cursor: [f64; 2],
+    clicks: Clicks,
     modifiers: ModifiersState,
     last_update: Instant,
 }
@@ -215,6 +218,7 @@ impl App {
             MouseButton::Middle => PointerButton::Middle,
             _ => return,
         };
+        self.click(button == PointerButton::Primary, state, self.cursor);
         self.input(match state {
             ElementState::Released => InputEvent::PointerUp { pointer: MOUSE },
             ElementState::Pressed => InputEvent::PointerDown {
@@ -227,9 +231,26 @@ impl App {
         });
     }
 
+    /// Notices double clicks, before the release itself is passed on.
+    fn click(&mut self, is_primary: bool, state: ElementState, position: [f64; 2]) {
+        if !is_primary {
+            return;
+        }
+        if state.is_pressed() {
+            self.clicks.press(position);
+        } else if self.clicks.release(Instant::now(), position) {
+            self.input(InputEvent::DoubleClick { position });
+        }
+    }
+
     fn touch(&mut self, touch: winit::event::Touch) {
         let pointer = touch.id.saturating_add(1);
         let position = [touch.location.x, touch.location.y];
+        match touch.phase {
+            TouchPhase::Started => self.click(true, ElementState::Pressed, position),
+            TouchPhase::Ended => self.click(true, ElementState::Released, position),
+            TouchPhase::Moved | TouchPhase::Cancelled => {}
+        }
         self.input(match touch.phase {
             TouchPhase::Started => InputEvent::PointerDown {
                 pointer,
@@ -243,16 +264,19 @@ impl App {
         });
     }
 
-    fn key(&mut self, key: &LogicalKey) {
+    fn key(&mut self, key: &LogicalKey, state: ElementState) {
         let name = match key {
             LogicalKey::Character(text) => text.to_string(),
             LogicalKey::Named(named) => format!("{named:?}"),
             _ => return,
         };
         if let Some(key) = Key::from_name(&name) {
-            self.input(InputEvent::KeyDown {
-                key,
-                modifiers: self.keys(),
+            self.input(match state {
+                ElementState::Released => InputEvent::KeyUp { key },
+                ElementState::Pressed => InputEvent::KeyDown {
+                    key,
+                    modifiers: self.keys(),
+                },
             });
         }
     }
@@ -308,9 +332,10 @@ impl ApplicationHandler<Wake> for App {
                 });
             }
             WindowEvent::Touch(touch) => self.touch(touch),
-            WindowEvent::KeyboardInput { event, .. } if event.state == ElementState::Pressed => {
-                self.key(&event.logical_key);
+            WindowEvent::KeyboardInput { event, .. } => {
+                self.key(&event.logical_key, event.state);
             }
+            WindowEvent::Focused(false) => self.input(InputEvent::Blur),
             _ => {}
         }
     }

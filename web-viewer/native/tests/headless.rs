@@ -4,10 +4,12 @@
 
 use marquetry_engine::camera::STANDARD_VIEWS;
 use marquetry_engine::testing::{Random, Shape, random_finest};
-use marquetry_engine::{Background, Camera, Shade, ViewerOptions, Viewport};
+use marquetry_engine::{Background, Camera, Shade, Transition, ViewerOptions, Viewport};
 use marquetry_format::ByteSource;
 use marquetry_native::{Headless, Picture, Session};
+use std::str::FromStr;
 use std::sync::Arc;
+use std::time::Duration;
 
 const SIZE: Viewport = Viewport {
     width: 320,
@@ -199,5 +201,131 @@ fn surface_seen_from_behind_is_lit() {
             .picture(Camera::standard(&metadata, view, 2.5).unwrap(), SIZE)
             .unwrap();
         assert!(brightness(&picture) > 150);
+    }
+}
+
+/// The picture as it is just now, over a background.
+fn now(session: &mut Session, background: [u8; 3]) -> Picture {
+    let options = ViewerOptions {
+        background: Background(background),
+        ..session.viewer().options().clone()
+    };
+    session.viewer().set_options(options).unwrap();
+    session.draw(SIZE).unwrap();
+    session.read_back().unwrap()
+}
+
+#[test]
+fn pictures_that_give_way_to_others_are_never_open_and_settle_to_the_same() {
+    let Some(headless) = headless() else { return };
+    let source = file(Shape::Cube, 37);
+    let mut settled = Vec::new();
+    for transition in [Transition::None, Transition::Alpha, Transition::Dither] {
+        let options = ViewerOptions {
+            transition,
+            ..ViewerOptions::default()
+        };
+        let mut session = headless.session(&source, options).unwrap();
+        let metadata = session.viewer().document().metadata.clone();
+        let mut changing = 0;
+        for view in [0, 18] {
+            session
+                .viewer()
+                .set_camera(Camera::standard(&metadata, view, 1.1).unwrap());
+            for _ in 0..30 {
+                session.step(0.04, SIZE, Duration::from_millis(20));
+                if !session.viewer().is_animating() {
+                    continue;
+                }
+                changing += 1;
+                // The middle of the picture shows the model, however coarse.
+                let (one, other) = (
+                    now(&mut session, [255, 0, 255]),
+                    now(&mut session, [0, 255, 0]),
+                );
+                for (x, y) in (80..240).flat_map(|x| (60..180).map(move |y| (x, y))) {
+                    assert_eq!(one.pixel(x, y), other.pixel(x, y), "{transition:?} {x} {y}");
+                }
+            }
+        }
+        assert_eq!(changing > 5, transition != Transition::None, "{changing}");
+        let camera = Camera::standard(&metadata, 3, 1.3).unwrap();
+        settled.push(over(&mut session, [0, 0, 0], camera));
+    }
+    assert!(settled.iter().all(|picture| *picture == settled[0]));
+}
+
+#[test]
+fn halfway_both_pictures_are_seen() {
+    let Some(headless) = headless() else { return };
+    let source = file(Shape::Cube, 39);
+    let brightness = |p: [u8; 4]| i32::from(p[0]) + i32::from(p[1]) + i32::from(p[2]);
+    for transition in [Transition::Alpha, Transition::Dither] {
+        let mut session = headless
+            .session(
+                &source,
+                ViewerOptions {
+                    transition,
+                    shade: Shade::Lod,
+                    ..ViewerOptions::default()
+                },
+            )
+            .unwrap();
+        let metadata = session.viewer().document().metadata.clone();
+        let far = Camera::standard(&metadata, 0, 30.0).unwrap();
+        session.viewer().set_page_filter(Some(Box::new(|_| false)));
+        session.settle(far, SIZE).unwrap();
+        let near = Camera::standard(&metadata, 0, 1.2).unwrap();
+        // What is drawn stays that of afar until the picture of near by begins to take its place.
+        let mut last = None;
+        for _ in 0..40 {
+            session.viewer().set_camera(near);
+            session.step(0.05, SIZE, Duration::ZERO);
+            let picture = now(&mut session, [0, 0, 0]);
+            if session.viewer().is_animating() {
+                last = Some(picture);
+            } else if let Some(during) = last.take() {
+                let middle = || (100..220).flat_map(|x| (70..170).map(move |y| (x, y)));
+                let changed = middle()
+                    .filter(|(x, y)| during.pixel(*x, *y) != picture.pixel(*x, *y))
+                    .count();
+                let same = middle().count() - changed;
+                if transition == Transition::Dither {
+                    // At four fifths of the change some pixels have changed already, and others not.
+                    assert!(changed > 100 && same > 1000, "{changed} {same}");
+                } else {
+                    let difference = |(x, y): (u32, u32)| {
+                        (brightness(during.pixel(x, y).unwrap())
+                            - brightness(picture.pixel(x, y).unwrap()))
+                        .abs()
+                    };
+                    let sum: i32 = middle().map(difference).sum();
+                    assert!(sum > 0 && changed > same, "{changed} {same} {sum}");
+                }
+                break;
+            }
+        }
+    }
+}
+
+#[test]
+fn a_section_shows_one_half_and_is_picked_so() {
+    let Some(headless) = headless() else { return };
+    let source = file(Shape::Cube, 38);
+    for (section, shown, hidden) in [("x,0.5", 130, 190), ("-x,0.5", 190, 130)] {
+        let options = ViewerOptions {
+            section: Some(marquetry_engine::Section::from_str(section).unwrap()),
+            ..ViewerOptions::default()
+        };
+        let mut session = headless.session(&source, options).unwrap();
+        let metadata = session.viewer().document().metadata.clone();
+        let camera = Camera::standard(&metadata, 0, 2.5).unwrap();
+        let picture = session.picture(camera, SIZE).unwrap();
+        let background = picture.pixel(0, 0);
+        assert_ne!(picture.pixel(shown, 120), background);
+        assert_eq!(picture.pixel(hidden, 120), background);
+        let mut pick = |x: u32| session.viewer().pick([f64::from(x) + 0.5, 120.5]);
+        let [shown, hidden] = [shown, hidden].map(&mut pick);
+        assert!(shown.is_some() && hidden.is_none());
     }
 }

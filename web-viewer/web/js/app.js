@@ -1,8 +1,11 @@
 // The page around the viewer: which file, which shading, how far, where from.
 //
-// The address says it all: `?file=NAME` which scan, `#camera=…&shade=…` the view, so a link reproduces it.
+// The address says it all: `?file=NAME` which scan (and `&annotations=URL` its notes), `#camera=…&shade=…&section=…` the
+// view, so a link reproduces it.
 
 import "./marquetry.js";
+import { describe } from "./measure.js";
+import { connectPanel, showInPanel } from "./view_panel.js";
 
 /** Milliseconds that the camera rests before it is written to the address. */
 const ADDRESS_DELAY_MS = 250;
@@ -26,6 +29,9 @@ async function main() {
   find("help-button").addEventListener("click", () => find("help").showModal());
   find("stats-button").addEventListener("click", toggleStats);
   find("save-button").addEventListener("click", save);
+  find("panel-button").addEventListener("click", togglePanel);
+  find("measure-button").addEventListener("click", toggleMeasure);
+  connectPanel(() => viewer, writeAddress);
   find("shades").addEventListener("change", (event) => {
     if (viewer) viewer.shade = event.target.value;
   });
@@ -83,7 +89,9 @@ function show(name, url = `/files/${name.split("/").map(encodeURIComponent).join
   viewer.setAttribute("aria-label", `${name}, 3D scan: arrow keys orbit, plus and minus zoom, question mark for help`);
   viewer.setAttribute("background", background());
   const address = new URLSearchParams(location.hash.slice(1));
-  for (const option of ["camera", "shade", "error-px", "transition"]) {
+  const notes = new URLSearchParams(location.search).get("annotations");
+  if (notes !== null) viewer.setAttribute("annotations", notes);
+  for (const option of ["camera", "shade", "error-px", "transition", "section"]) {
     const value = address.get(option);
     if (value) viewer.setAttribute(option, value);
   }
@@ -97,6 +105,9 @@ function show(name, url = `/files/${name.split("/").map(encodeURIComponent).join
     find("shades").querySelector(`[value="${detail.shade}"]`).checked = true;
     writeAddress();
   });
+  viewer.addEventListener("ready", () => showInPanel(viewer));
+  viewer.addEventListener("modechange", () => showInPanel(viewer));
+  viewer.addEventListener("measure", ({ detail }) => notify(`Distance ${describe(detail)}`));
   viewer.addEventListener("camerachange", () => {
     clearTimeout(addressTimer);
     addressTimer = setTimeout(writeAddress, ADDRESS_DELAY_MS);
@@ -121,7 +132,7 @@ function showProgress(part) {
   bar.setAttribute("aria-valuenow", Math.round(part * 100));
 }
 
-/** Takes camera and shading from the address: somebody went back, or edited it. */
+/** Takes the view from the address: somebody went back, or edited it. */
 function applyAddress() {
   const address = new URLSearchParams(location.hash.slice(1));
   const camera = address.get("camera");
@@ -129,6 +140,9 @@ function applyAddress() {
   try {
     if (camera && camera !== rounded(viewer.camera)) viewer.camera = camera;
     viewer.shade = address.get("shade") ?? "lit";
+    viewer.transition = address.get("transition") ?? "geomorph";
+    viewer.section = address.get("section") ?? "";
+    showInPanel(viewer);
   } catch (error) {
     notify(error.message);
   }
@@ -136,13 +150,35 @@ function applyAddress() {
 
 function writeAddress() {
   if (!viewer?.camera) return;
-  const shade = viewer.shade === "lit" ? "" : `&shade=${viewer.shade}`;
+  const differing = Object.entries({ shade: "lit", transition: "geomorph", section: "" })
+    .filter(([name, usual]) => viewer[name] !== usual)
+    .map(([name]) => `&${name}=${viewer[name]}`)
+    .join("");
+  const errorPx = viewer.hasAttribute("error-px") ? `&error-px=${viewer.getAttribute("error-px")}` : "";
   const query = viewer.camera && !location.search ? `?file=${encodeURIComponent(find("title").textContent)}` : location.search;
-  history.replaceState(null, "", `${location.pathname}${query}#camera=${rounded(viewer.camera)}${shade}`);
+  history.replaceState(null, "", `${location.pathname}${query}#camera=${rounded(viewer.camera)}${differing}${errorPx}`);
 }
 
 function rounded(camera) {
   return camera.split(",").map((number) => String(Number(Number(number).toPrecision(DIGITS)))).join(",");
+}
+
+function togglePanel() {
+  const panel = find("panel");
+  panel.hidden = !panel.hidden;
+  find("panel-button").setAttribute("aria-pressed", String(!panel.hidden));
+  if (!panel.hidden) {
+    showInPanel(viewer);
+    find("section-axis").focus();
+  }
+}
+
+function toggleMeasure() {
+  viewer.measuring = !viewer.measuring;
+  showInPanel(viewer);
+  if (!viewer.measuring) return;
+  viewer.focus({ preventScroll: true });
+  notify("Click two points, or aim with the arrow keys and press Enter. Escape ends it.");
 }
 
 function toggleStats() {
@@ -165,6 +201,7 @@ function showStats() {
     ["Cache", `${bytes(stats.cache.used_bytes)} of ${bytes(stats.cache.capacity_bytes)}`],
     ["Error aimed at", `${numbers.format(stats.error_px)} px`],
     ["Frame", stats.frame_ms === null ? "at rest" : `${numbers.format(stats.frame_ms)} ms (${numbers.format(stats.cpu_ms)} ms CPU)`],
+    ["Frames a second", stats.frame_ms > 0 ? numbers.format(1000 / stats.frame_ms) : "at rest"],
   ];
   panel.replaceChildren(
     ...rows.flatMap(([name, value]) => {
@@ -199,8 +236,12 @@ function notify(text) {
 
 function onKey(event) {
   if (event.defaultPrevented || event.ctrlKey || event.metaKey || event.altKey || find("help").open) return;
+  // Letters choose in a list.
+  if (event.target.localName === "select") return;
   if (event.key === "?") find("help").showModal();
   else if (event.key === "i" && viewer) toggleStats();
+  else if (event.key === "o" && viewer) togglePanel();
+  else if (event.key === "m" && viewer) toggleMeasure();
   else if (event.key === "f" && viewer) {
     if (document.fullscreenElement) document.exitFullscreen();
     else find("stage").requestFullscreen().catch(() => {});

@@ -11,12 +11,17 @@ const PX_PER_PAGE = 400;
 /** Browsers report a pinch on a trackpad as a small turn of the wheel with Control held. */
 const PINCH_GAIN = 8;
 const MOST_NOTCHES = 4;
+/** How far a pointer may move, CSS pixels, and two taps may be apart, milliseconds, to be a click and a double tap. */
+const CLICK_PX = 6;
+const DOUBLE_TAP_MS = 350;
+const DOUBLE_TAP_PX = 30;
 
 /**
- * Passes events on `host` to the view that `view()` returns, if any; calls `changed` when one meant something.
- * Places are pixels of the canvas that `canvas()` returns. Lasts until `signal` aborts.
+ * Passes events on `host` to the view that `view()` returns, if any; calls `changed` when one meant something, and
+ * `clicked(x, y)` for a click or tap, which returns whether that is used up. Places are pixels of the canvas that
+ * `canvas()` returns. Lasts until `signal` aborts.
  */
-export function listen(host, canvas, view, changed, signal) {
+export function listen(host, canvas, view, changed, clicked, signal) {
   const on = (type, handler) =>
     host.addEventListener(type, (event) => view() && handler(view(), event), { signal, passive: false });
 
@@ -26,7 +31,12 @@ export function listen(host, canvas, view, changed, signal) {
     return [(event.clientX - box.left) * scale, (event.clientY - box.top) * scale];
   };
 
+  let down = null;
+  let tapped = null;
+  let used = false;
+
   on("pointerdown", (view, event) => {
+    down = event.isPrimary && event.button === 0 ? event : null;
     host.focus({ preventScroll: true });
     // A pointer of a synthetic event cannot be captured, and need not be.
     try {
@@ -40,6 +50,24 @@ export function listen(host, canvas, view, changed, signal) {
   });
   on("pointermove", (view, event) => {
     if (view.pointerMove(id(event), ...place(event))) changed();
+  });
+  on("pointerup", (view, event) => {
+    const start = down;
+    down = null;
+    if (!start || start.pointerId !== event.pointerId || apart(start, event) > CLICK_PX) return;
+    used = clicked(...place(event));
+    if (event.pointerType !== "touch") return;
+    const isSecond = tapped && event.timeStamp - tapped.timeStamp < DOUBLE_TAP_MS && apart(tapped, event) < DOUBLE_TAP_PX;
+    tapped = isSecond || used ? null : event;
+    if (isSecond && !used && view.doubleClick(...place(event))) changed();
+  });
+  on("dblclick", (view, event) => {
+    // Of touches the taps were counted already.
+    if (event.pointerType === "touch" || event.sourceCapabilities?.firesTouchEvents || used) return;
+    if (view.doubleClick(...place(event))) {
+      event.preventDefault();
+      changed();
+    }
   });
   for (const type of ["pointerup", "pointercancel", "lostpointercapture"]) {
     on(type, (view, event) => {
@@ -60,6 +88,15 @@ export function listen(host, canvas, view, changed, signal) {
       changed();
     }
   });
+  on("keyup", (view, event) => {
+    if (view.keyUp(event.key)) changed();
+  });
+  // A key that goes up elsewhere is not heard of here.
+  on("blur", (view) => view.blur());
+}
+
+function apart(a, b) {
+  return Math.hypot(a.clientX - b.clientX, a.clientY - b.clientY);
 }
 
 function id(event) {

@@ -3,19 +3,31 @@
 //   <script type="module" src="…/marquetry.js"></script>
 //   <marquetry-viewer src="…/dragon.marq" error-px="1" transition="geomorph"></marquetry-viewer>
 //
-// Attributes: src, error-px, transition, shade, background (RRGGBB), cache (bytes), camera, time.
-// Events: ready (first image), progress, settled (nothing missing for this view), camerachange, shadechange, error.
-// Members: camera, shade, state, stats(), facts(), screenshot(), setTime(t), reload().
+// Attributes: src, error-px, transition, shade, background (RRGGBB), cache (bytes), section (AXIS,PART), camera, time,
+// annotations (URL; empty for SRC with .annotations.json in place of .marq).
+// Events: ready (first image), progress, settled (nothing missing for this view), camerachange, shadechange, modechange,
+// measure, error. marquetry.d.ts has their details, and all members.
 
+import { Annotations, load as loadAnnotations } from "./annotations.js";
 import { listen } from "./input.js";
+import { Measure } from "./measure.js";
+import { OVERLAY_STYLE, Overlay } from "./overlay.js";
 import { LoadError, Source } from "./source.js";
 
 /** Attributes that are passed to the engine as they are. */
-const OPTIONS = ["error-px", "transition", "shade", "background", "cache"];
+const OPTIONS = ["error-px", "transition", "shade", "background", "cache", "section"];
 
 /** Longest step of the clock, seconds: after a pause nothing jumps. */
 const LONGEST_STEP = 0.1;
 const FIRST_STEP = 1 / 60;
+
+/** How often to look whether the device is still there while nothing is drawn, milliseconds. */
+const WATCH_MS = 1000;
+/** Most devices that are tried in a minute before giving up. */
+const MOST_RECOVERIES = 3;
+const MINUTE_MS = 60_000;
+/** Least milliseconds between two looks whether the file is still the same. */
+const IDENTITY_PAUSE_MS = 5000;
 
 /** Cache for machines that say they are small. */
 const SMALL_CACHE_BYTES = 192 * 1024 * 1024;
@@ -26,17 +38,20 @@ const STYLE = `
   :host(:focus-visible) { outline: 2px solid Highlight; outline-offset: -2px; }
   canvas { position: absolute; inset: 0; width: 100%; height: 100%; display: block; touch-action: none; cursor: grab; }
   canvas:active { cursor: grabbing; }
-  [role="alert"] {
+  .alert {
     position: absolute; inset: 0; display: grid; place-content: center; justify-items: center; gap: 0.75rem;
     padding: 1.5rem; text-align: center; font: 1rem/1.5 system-ui, sans-serif; color: #e8e6e1; background: #202226;
   }
-  [role="alert"][hidden] { display: none; }
-  strong { font-size: 1.15rem; }
-  p { margin: 0; max-width: 34rem; overflow-wrap: anywhere; }
-  button { font: inherit; padding: 0.4rem 1.1rem; border-radius: 0.4rem; border: 1px solid #8b8f98; background: none;
+  .alert[hidden] { display: none; }
+  .alert strong { font-size: 1.15rem; }
+  .alert p { margin: 0; max-width: 34rem; overflow-wrap: anywhere; }
+  .banner { position: absolute; inset: auto 0.75rem 0.75rem; margin: auto; width: fit-content; display: flex; flex-wrap: wrap;
+    align-items: center; gap: 0.75rem; padding: 0.5rem 0.9rem; border: 1px solid #e0aa62; border-radius: 0.6rem;
+    font: 1rem/1.5 system-ui, sans-serif; color: #e8e6e1; background: #17181bf0; }
+  .action { font: inherit; padding: 0.4rem 1.1rem; border-radius: 0.4rem; border: 1px solid #8b8f98; background: none;
     color: inherit; cursor: pointer; }
-  button:hover { background: #8b8f9840; }
-  @media (prefers-color-scheme: light) { [role="alert"] { color: #23211e; background: #e7e8ea; } }
+  .action:hover { background: #8b8f9840; }
+  @media (prefers-color-scheme: light) { .alert { color: #23211e; background: #e7e8ea; } }
 `;
 
 /** The generated module, loaded once for all viewers of the page. */
@@ -60,7 +75,7 @@ function loadEngine() {
 }
 
 export class MarquetryViewer extends HTMLElement {
-  static observedAttributes = ["src", "camera", "time", ...OPTIONS];
+  static observedAttributes = ["src", "camera", "time", "annotations", ...OPTIONS];
 
   #canvas = document.createElement("canvas");
   #alert = document.createElement("div");
@@ -79,27 +94,50 @@ export class MarquetryViewer extends HTMLElement {
   #progress = -1;
   #lastCamera = "";
   #lastShade = "";
+  #lastMode = "";
+  #overlay = new Overlay((point) => this.project(point));
+  #ruler = new Measure(this.#overlay);
+  #annotations = new Annotations(
+    this.#overlay,
+    (point) => this.#view?.isInSight(...point) ?? false,
+    (note) => note.camera && this.#attempt(() => (this.camera = note.camera)),
+  );
+  #banner = document.createElement("div");
+  #recoveries = [];
+  #replaced = false;
+  #identityChecked = 0;
 
   constructor() {
     super();
     const root = this.attachShadow({ mode: "open" });
     const sheet = new CSSStyleSheet();
-    sheet.replaceSync(STYLE);
+    sheet.replaceSync(STYLE + OVERLAY_STYLE);
     root.adoptedStyleSheets = [sheet];
+    this.#alert.className = "alert";
     this.#alert.setAttribute("role", "alert");
+    this.#banner.className = "banner";
+    this.#banner.setAttribute("role", "alert");
+    this.#banner.hidden = true;
+    // The host would capture the pointer, and the click with it.
+    this.#banner.addEventListener("pointerdown", (event) => event.stopPropagation());
     this.#alert.hidden = true;
     this.#canvas.setAttribute("aria-hidden", "true");
-    root.append(this.#canvas, this.#alert);
+    root.append(this.#canvas, this.#overlay.element, this.#alert, this.#banner);
   }
 
   connectedCallback() {
     if (!this.hasAttribute("tabindex")) this.tabIndex = 0;
     if (!this.hasAttribute("role")) this.setAttribute("role", "application");
     if (!this.hasAttribute("aria-label")) {
-      this.setAttribute("aria-label", "3D viewer: arrow keys orbit, with Shift they pan; plus and minus zoom; Home resets");
+      this.setAttribute("aria-label", "3D viewer: arrow keys orbit, with Shift they pan; plus and minus zoom; Home resets; G flies");
     }
     this.#life = new AbortController();
-    listen(this, () => this.#canvas, () => this.#view, () => this.#wake(), this.#life.signal);
+    const { signal } = this.#life;
+    this.addEventListener("keydown", (event) => this.#onKey(event), { signal });
+    const clicked = (x, y) => this.#clicked(x, y);
+    listen(this, () => this.#canvas, () => this.#view, () => this.#wake(), clicked, signal);
+    const watch = setInterval(() => this.#view?.isLost && this.#wake(), WATCH_MS);
+    signal.addEventListener("abort", () => clearInterval(watch));
     const observer = new ResizeObserver((entries) => this.#measure(entries.at(-1)));
     try {
       observer.observe(this, { box: "device-pixel-content-box" });
@@ -120,8 +158,10 @@ export class MarquetryViewer extends HTMLElement {
   attributeChangedCallback(name, before, value) {
     if (!this.isConnected || this.#life === null || before === value) return;
     if (name === "src") this.#load();
+    else if (name === "annotations") this.#loadAnnotations();
     else if (name === "time") this.#attempt(() => this.setTime(Number(value ?? 0)));
     else if (name === "camera") this.#attempt(() => value !== null && this.#view?.setCamera(value));
+    else if (name === "section") this.#attempt(() => this.#view?.setOption(name, value ?? ""));
     else this.#attempt(() => this.#applyOption(name));
     this.#wake();
   }
@@ -155,6 +195,75 @@ export class MarquetryViewer extends HTMLElement {
     this.setAttribute("shade", value);
     this.#attempt(() => this.#applyOption("shade"));
     this.#wake();
+  }
+
+  /** How resolutions change: none, alpha, dither, geomorph. */
+  get transition() {
+    return this.#view?.transition ?? this.getAttribute("transition") ?? "geomorph";
+  }
+
+  set transition(value) {
+    this.setAttribute("transition", value);
+  }
+
+  /** Where the model is cut open: `AXIS,PART` or `NX,NY,NZ,OFFSET`; empty where it is not. */
+  get section() {
+    return this.#view?.section ?? this.getAttribute("section") ?? "";
+  }
+
+  set section(value) {
+    if (value) this.setAttribute("section", value);
+    else this.removeAttribute("section");
+  }
+
+  /** Whether keys fly instead of orbiting. */
+  get flying() {
+    return this.#view?.flying ?? false;
+  }
+
+  set flying(on) {
+    this.#view?.setFlying(Boolean(on));
+    this.#wake();
+  }
+
+  /** Whether what is drawn stays as it is, wherever one looks from. */
+  get frozen() {
+    return this.#view?.freeze ?? false;
+  }
+
+  set frozen(on) {
+    this.#view?.setOption("freeze", String(Boolean(on)));
+    this.#wake();
+  }
+
+  /** Whether clicks pick points to measure between. */
+  get measuring() {
+    return this.#ruler.active;
+  }
+
+  set measuring(on) {
+    if (on !== this.measuring) this.#ruler.active = Boolean(on);
+    this.#wake();
+  }
+
+  /** What was measured last, in the file's units: distance, error, points. Null before there are two points. */
+  get measurement() {
+    return this.#ruler.result;
+  }
+
+  /**
+   * The point of the surface at a place, CSS pixels from the element's upper left corner: position, normal, error (the most
+   * that the surface drawn there is away from the source); null on the background.
+   */
+  pick(x, y) {
+    const scale = this.#scale();
+    return this.#pickPixel(x / scale, y / scale);
+  }
+
+  /** Where a point of the model is, CSS pixels from the element's upper left corner; null behind the eye. */
+  project(point) {
+    const place = this.#view?.project(...point) ?? [];
+    return place.length > 0 ? [place[0] * this.#scale(), place[1] * this.#scale()] : null;
   }
 
   /** `empty`, `loading`, `ready`, `settled` or `failed`. */
@@ -206,9 +315,11 @@ export class MarquetryViewer extends HTMLElement {
     this.#load();
   }
 
-  async #load() {
+  /** Loads the file; a view that is given is shown again. */
+  async #load(kept = null) {
     this.#unload();
     this.#alert.hidden = true;
+    this.#banner.hidden = true;
     if (!this.src || !this.isConnected) return;
     const loading = new AbortController();
     this.#loading = loading;
@@ -238,9 +349,10 @@ export class MarquetryViewer extends HTMLElement {
       // The view takes it over, also when it refuses it.
       opener = null;
       this.#view = new module.View(this.#gpu, opened);
-      this.#applyAll();
+      this.#applyAll(kept);
       this.#resize();
       this.#wake();
+      this.#loadAnnotations();
     } catch (error) {
       if (!gone()) this.#fail(error);
     } finally {
@@ -285,13 +397,118 @@ export class MarquetryViewer extends HTMLElement {
     this.#progress = -1;
     this.#lastCamera = "";
     this.#lastShade = "";
+    this.#lastMode = "";
+    this.#replaced = false;
+    this.#ruler.clear();
+    this.#annotations.set([]);
   }
 
-  #applyAll() {
+  async #loadAnnotations() {
+    const loading = this.#loading;
+    const given = this.getAttribute("annotations");
+    this.#annotations.set([]);
+    if (given === null || !this.#view) return;
+    const url = new URL(given || this.src.replace(/\.marq(?=$|[?#])/, ".annotations.json"), document.baseURI).href;
+    try {
+      const notes = await loadAnnotations(url, loading.signal);
+      if (!loading.signal.aborted && given === this.getAttribute("annotations")) this.#annotations.set(notes);
+    } catch (error) {
+      if (!loading.signal.aborted) this.#emit("error", { message: sentence(error.message), fatal: false, kind: "annotations" });
+    }
+    this.#placeOverlay();
+  }
+
+  /** What a reader chose, to be shown again after a new start. */
+  #keep() {
+    if (!this.#view) return null;
+    const { camera, shade, transition, section, freeze } = this.#view;
+    return { camera, options: { shade, transition, section, freeze: String(freeze) } };
+  }
+
+  /** Starts again on a new device, as one that was lost comes back after a moment. */
+  #recover(error) {
+    const now = performance.now();
+    this.#recoveries = this.#recoveries.filter((time) => now - time < MINUTE_MS);
+    if (this.#recoveries.length >= MOST_RECOVERIES) {
+      this.#fail(error);
+      this.#dropGpu();
+      return;
+    }
+    this.#recoveries.push(now);
+    const kept = this.#keep();
+    this.#emit("error", { message: `${sentence(error.message)} Starting again.`, fatal: false, kind: "device" });
+    this.#unload();
+    this.#dropGpu();
+    this.#load(kept);
+  }
+
+  /** Offers the file that is there now instead of the one that is shown. */
+  #offerReload() {
+    if (this.#replaced) return;
+    this.#replaced = true;
+    const text = document.createElement("span");
+    text.textContent = "The file was replaced on the server.";
+    const button = document.createElement("button");
+    button.type = "button";
+    button.className = "action";
+    button.textContent = "Load the new one";
+    button.addEventListener("click", () => this.#load(this.#keep()));
+    this.#banner.replaceChildren(text, button);
+    this.#banner.hidden = false;
+    this.#emit("error", { message: text.textContent, fatal: false, kind: "replaced" });
+  }
+
+  /** After a failure: whether the file is still the one that was opened. */
+  async #checkIdentity(error) {
+    const source = this.#source;
+    if (error.status === 410) this.#offerReload();
+    const now = performance.now();
+    if (this.#replaced || now - this.#identityChecked < IDENTITY_PAUSE_MS) return;
+    this.#identityChecked = now;
+    const isSame = await source.isSame().catch(() => true);
+    if (!isSame && this.#source === source) this.#offerReload();
+  }
+
+  #scale() {
+    const { width } = this.#canvas;
+    return width > 0 ? this.#canvas.clientWidth / width : 1;
+  }
+
+  #pickPixel(x, y) {
+    const found = this.#view?.pick(x, y) ?? [];
+    if (found.length === 0) return null;
+    return { position: Array.from(found.subarray(0, 3)), normal: Array.from(found.subarray(3, 6)), error: found[6] };
+  }
+
+  /** A click or a tap at a pixel of the canvas; whether that means something here. */
+  #clicked(x, y) {
+    if (!this.#ruler.active) return false;
+    const result = this.#ruler.take(this.#pickPixel(x, y));
+    if (result) this.#emit("measure", result);
+    return true;
+  }
+
+  #onKey(event) {
+    if (!this.#ruler.active || event.defaultPrevented || event.composedPath()[0] !== this) return;
+    if (event.key === "Enter") this.#clicked(this.#canvas.width / 2, this.#canvas.height / 2);
+    else if (event.key === "Escape") {
+      if (!this.#ruler.clear()) this.measuring = false;
+    } else return;
+    event.preventDefault();
+    this.#wake();
+  }
+
+  #placeOverlay() {
+    const again = () => this.#annotations.check() && requestAnimationFrame(again);
+    if (this.#overlay.place()) requestAnimationFrame(again);
+  }
+
+  #applyAll(kept) {
     // What a machine can hold is a guess; an attribute overrules it.
     if ((navigator.deviceMemory ?? 8) <= 4) this.#view.setOption("cache", String(SMALL_CACHE_BYTES));
     for (const name of OPTIONS) this.#attempt(() => this.#applyOption(name));
-    const camera = this.getAttribute("camera");
+    for (const [name, value] of Object.entries(kept?.options ?? {})) this.#attempt(() => this.#view.setOption(name, value));
+    const camera = kept?.camera ?? this.getAttribute("camera");
     if (camera) this.#attempt(() => this.#view.setCamera(camera));
     const time = this.getAttribute("time");
     if (time !== null) this.#attempt(() => this.setTime(Number(time)));
@@ -345,6 +562,10 @@ export class MarquetryViewer extends HTMLElement {
     try {
       drew = view.frame(Math.min(Math.max(step, 0), LONGEST_STEP), false);
     } catch (error) {
+      if (view.isLost) {
+        this.#recover(error);
+        return;
+      }
       this.#fail(error);
       // Whatever it was, the device is not to be trusted any more.
       this.#dropGpu();
@@ -357,6 +578,7 @@ export class MarquetryViewer extends HTMLElement {
     const again = view.wantsFrame;
     this.#lastTime = again ? time : 0;
     if (again) this.#wake();
+    if (drew) this.#placeOverlay();
     this.#report(drew);
     // Whoever listened may have loaded another file.
     if (this.#view === view) this.#fetchAll();
@@ -366,13 +588,22 @@ export class MarquetryViewer extends HTMLElement {
     const view = this.#view;
     const source = this.#source;
     const numbers = view.takeRequests();
+    if (this.#replaced) {
+      // What is there belongs to another file; what is shown stays.
+      for (let i = 0; i < numbers.length; i += 6) view.fail(numbers[i], "the file was replaced on the server");
+      return;
+    }
     for (let i = 0; i < numbers.length; i += 6) {
       const id = numbers[i];
       const [pages, first, last, start, end] = Array.from(numbers.subarray(i + 1, i + 6), Number);
       const answer = pages ? source.pages(first, last, start, end) : source.range(start, end);
       answer.then(
         (bytes) => this.#view === view && view.deliver(id, bytes),
-        (error) => this.#view === view && view.fail(id, error.message),
+        (error) => {
+          if (this.#view !== view) return;
+          view.fail(id, error.message);
+          this.#checkIdentity(error);
+        },
       ).then(() => this.#view === view && this.#wake());
     }
   }
@@ -386,7 +617,9 @@ export class MarquetryViewer extends HTMLElement {
       events.push(["ready", cost]);
     }
     const failures = this.#view.takeFailures();
-    if (failures.length > 0) {
+    if (failures.length > 0 && !this.#replaced) {
+      // Bytes that came but are not what they should be: of another file, perhaps.
+      this.#checkIdentity({});
       events.push(["error", { message: sentence(failures.at(-1)), fatal: false, kind: "network" }]);
     }
     if (Math.abs(progress - this.#progress) > 0.002 || (isSettled && this.#progress !== progress)) {
@@ -400,6 +633,11 @@ export class MarquetryViewer extends HTMLElement {
     if (shade !== this.#lastShade) {
       this.#lastShade = shade;
       events.push(["shadechange", { shade }]);
+    }
+    const mode = { flying: this.flying, frozen: this.frozen, measuring: this.measuring };
+    if (JSON.stringify(mode) !== this.#lastMode) {
+      this.#lastMode = JSON.stringify(mode);
+      events.push(["modechange", mode]);
     }
     if (this.#ready && isSettled !== this.#settled) {
       this.#settled = isSettled;
@@ -419,6 +657,7 @@ export class MarquetryViewer extends HTMLElement {
     text.textContent = message;
     const retry = document.createElement("button");
     retry.type = "button";
+    retry.className = "action";
     retry.textContent = "Try again";
     retry.addEventListener("click", () => this.reload());
     this.#alert.replaceChildren(heading, text, retry);

@@ -7,6 +7,9 @@
 /** Milliseconds without a single byte after which a server counts as gone. */
 const STALL_MS = 30_000;
 
+/** First bytes of a file: they hold its content id. */
+const FRONT_BYTES = 64;
+
 /** Something about loading that the user can be told. `status` is 0 where there was no answer. */
 export class LoadError extends Error {
   constructor(message, status = 0) {
@@ -26,6 +29,7 @@ export class Source {
   #url;
   #signal;
   #pagesUrl = null;
+  #front = null;
 
   /** `url` is absolute; `signal` ends everything. */
   constructor(url, signal) {
@@ -40,8 +44,22 @@ export class Source {
     this.#pagesUrl = name ? `${origin}/pages/${name[1]}/${contentId}` : null;
   }
 
+  /** Whether the file still begins as it did. True before anything of it was read. */
+  async isSame() {
+    const front = this.#front;
+    if (front === null) return true;
+    const now = await this.#read(0, front.length);
+    return now.length === front.length && now.every((byte, i) => byte === front[i]);
+  }
+
   /** Bytes `start`..`end`; fewer only if the file ends before. */
   async range(start, end) {
+    const bytes = await this.#read(start, end);
+    if (start === 0) this.#front ??= bytes.slice(0, FRONT_BYTES);
+    return bytes;
+  }
+
+  async #read(start, end) {
     const response = await this.#fetch(this.#url, {
       headers: { Range: `bytes=${start}-${end - 1}` },
       // Browsers mix up, or queue, several ranges of one URL in their cache.

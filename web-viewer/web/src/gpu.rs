@@ -8,6 +8,7 @@ use marquetry_engine::Renderer;
 use marquetry_engine::wgpu;
 use std::cell::RefCell;
 use std::rc::Rc;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, OnceLock};
 use wasm_bindgen::prelude::*;
 use web_sys::HtmlCanvasElement;
@@ -33,6 +34,16 @@ pub(crate) struct Context {
     surface_format: wgpu::TextureFormat,
     /// The first error that nobody caught, a lost device included.
     fault: Arc<OnceLock<String>>,
+    /// Whether the device is gone, and not by our doing.
+    lost: Arc<AtomicBool>,
+    /// Whether we let go of it ourselves.
+    closed: Arc<AtomicBool>,
+}
+
+impl Drop for Context {
+    fn drop(&mut self) {
+        self.closed.store(true, Ordering::Relaxed);
+    }
 }
 
 #[wasm_bindgen]
@@ -68,11 +79,17 @@ impl Gpu {
                 JsError::new(&format!("the graphics adapter gives no device ({error})"))
             })?;
         let fault = Arc::new(OnceLock::new());
-        let lost = Arc::clone(&fault);
-        device.set_device_lost_callback(move |reason, message| {
-            // We destroy devices ourselves when a viewer leaves the page.
-            if reason != wgpu::DeviceLostReason::Destroyed {
-                let _ = lost.set(format!("the graphics device was lost: {message}"));
+        let (lost, closed) = (
+            Arc::new(AtomicBool::new(false)),
+            Arc::new(AtomicBool::new(false)),
+        );
+        let (told, is_lost, is_closed) =
+            (Arc::clone(&fault), Arc::clone(&lost), Arc::clone(&closed));
+        device.set_device_lost_callback(move |_, message| {
+            // When a viewer leaves the page its device goes with it.
+            if !is_closed.load(Ordering::Relaxed) {
+                is_lost.store(true, Ordering::Relaxed);
+                let _ = told.set(format!("the graphics device was lost: {message}"));
             }
         });
         let uncaught = Arc::clone(&fault);
@@ -101,6 +118,8 @@ impl Gpu {
                 surface,
                 surface_format,
                 fault,
+                lost,
+                closed,
             }),
         })
     }
@@ -116,6 +135,11 @@ impl Context {
     /// What went wrong behind our back, if anything did.
     pub(crate) fn fault(&self) -> Option<&str> {
         self.fault.get().map(String::as_str)
+    }
+
+    /// Whether the device is gone, so that only a new one helps.
+    pub(crate) fn is_lost(&self) -> bool {
+        self.lost.load(Ordering::Relaxed)
     }
 
     /// Makes the canvas' pictures `width` × `height` pixels.

@@ -55,7 +55,8 @@ impl View {
         })
     }
 
-    /// Sets an option by the name of its attribute: `error-px`, `transition`, `shade`, `background`, `cache`.
+    /// Sets an option by the name of its attribute: `error-px`, `transition`, `shade`, `background`, `cache`, `section`
+    /// (empty for none), `freeze` (`true` or `false`).
     ///
     /// # Errors
     /// When the value is not one of the option's; the old one stays.
@@ -75,6 +76,9 @@ impl View {
             "transition" => options.transition = value.parse()?,
             "shade" => options.shade = value.parse()?,
             "background" => options.background = value.parse()?,
+            "section" if matches!(value.trim(), "" | "none") => options.section = None,
+            "section" => options.section = Some(value.parse()?),
+            "freeze" => options.freeze = value == "true",
             "cache" => {
                 options.cache_bytes = value
                     .trim()
@@ -98,6 +102,37 @@ impl View {
             Shade::Unlit => "unlit",
         }
         .to_owned()
+    }
+
+    /// How resolutions change: `none`, `alpha`, `dither` or `geomorph`.
+    #[wasm_bindgen(getter)]
+    pub fn transition(&self) -> String {
+        self.viewer.options().transition.name().to_owned()
+    }
+
+    /// Where the model is cut open, as the attribute has it; empty where it is not.
+    #[wasm_bindgen(getter)]
+    pub fn section(&self) -> String {
+        let section = self.viewer.options().section;
+        section.map_or_else(String::new, |section| section.to_string())
+    }
+
+    /// Whether what is drawn stays as it is. A key changes it too.
+    #[wasm_bindgen(getter)]
+    pub fn freeze(&self) -> bool {
+        self.viewer.options().freeze
+    }
+
+    /// Whether keys fly instead of orbiting. A key changes it too.
+    #[wasm_bindgen(getter)]
+    pub fn flying(&self) -> bool {
+        self.viewer.is_flying()
+    }
+
+    /// Starts or ends flying.
+    #[wasm_bindgen(js_name = setFlying)]
+    pub fn set_flying(&mut self, on: bool) {
+        self.viewer.set_flying(on);
     }
 
     /// The camera, as `marquetry render --camera` takes it.
@@ -149,6 +184,12 @@ impl View {
                 .configure(self.viewport.width, self.viewport.height);
         }
         Ok(shown)
+    }
+
+    /// Whether the device is gone: the next [`View::frame`] fails, and a new [`Gpu`] may help.
+    #[wasm_bindgen(getter, js_name = isLost)]
+    pub fn is_lost(&self) -> bool {
+        self.gpu.is_lost()
     }
 
     /// Whether [`View::frame`] should be called again before anything happens.
@@ -270,6 +311,46 @@ impl View {
         })
     }
 
+    /// A key, by its name in the DOM, went up.
+    #[wasm_bindgen(js_name = keyUp)]
+    pub fn key_up(&mut self, name: &str) -> bool {
+        Key::from_name(name).is_some_and(|key| self.viewer.handle(InputEvent::KeyUp { key }))
+    }
+
+    /// The keyboard is somebody else's now.
+    pub fn blur(&mut self) {
+        self.viewer.handle(InputEvent::Blur);
+    }
+
+    /// Two clicks or taps in quick succession; whether something was there to look at.
+    #[wasm_bindgen(js_name = doubleClick)]
+    pub fn double_click(&mut self, x: f64, y: f64) -> bool {
+        self.viewer
+            .handle(InputEvent::DoubleClick { position: [x, y] })
+    }
+
+    /// The point of the surface at a place of the picture, physical pixels: its coordinates, its normal, and the most that
+    /// the surface drawn there is away from the source; empty on the background.
+    pub fn pick(&self, x: f64, y: f64) -> Vec<f64> {
+        let Some(pick) = self.viewer.pick([x, y]) else {
+            return Vec::new();
+        };
+        let (world, normal) = (pick.world.to_array(), pick.normal.to_array());
+        [world.as_slice(), &normal, &[pick.error]].concat()
+    }
+
+    /// Where a point is in the picture, physical pixels, and its depth; empty behind the eye.
+    pub fn project(&self, x: f64, y: f64, z: f64) -> Vec<f64> {
+        let place = self.viewer.project([x, y, z].into());
+        place.map_or_else(Vec::new, |place| place.to_vec())
+    }
+
+    /// Whether nothing drawn hides a point on the surface.
+    #[wasm_bindgen(js_name = isInSight)]
+    pub fn is_in_sight(&self, x: f64, y: f64, z: f64) -> bool {
+        self.viewer.is_in_sight([x, y, z].into())
+    }
+
     /// How long the last frame took, for the report.
     #[wasm_bindgen(js_name = setTimes)]
     pub fn set_times(&mut self, frame_ms: f64, cpu_ms: f64) {
@@ -281,14 +362,16 @@ impl View {
         stats_json(&self.viewer.stats(), self.times, &self.gpu.adapter)
     }
 
-    /// Facts of the file, as JSON text: source triangles, charts, pages.
+    /// Facts of the file, as JSON text: source triangles, charts, pages, bounds.
     pub fn facts(&self) -> String {
         let document = self.viewer.document();
         format!(
-            r#"{{"source_triangles":{},"charts":{},"pages":{}}}"#,
+            r#"{{"source_triangles":{},"charts":{},"pages":{},"bounds":{{"min":{:?},"max":{:?}}}}}"#,
             document.metadata.source_triangles,
             document.charts.len(),
-            document.stored_page_count()
+            document.stored_page_count(),
+            document.metadata.bounds_min,
+            document.metadata.bounds_max,
         )
     }
 }

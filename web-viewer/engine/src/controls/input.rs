@@ -50,8 +50,11 @@ pub enum Key {
     Home,
     /// Standard view `digit − 1`, for 1..=6.
     Digit(u8),
-    /// `l` toggles [`Shade::Lod`](crate::Shade::Lod), `w` wire, `n` normals; others mean nothing.
+    /// `l` toggles [`Shade::Lod`](crate::Shade::Lod), `w` wire, `n` normals, `g` flying, `z` whether what is drawn stays
+    /// as it is; while flying, `w` `a` `s` `d` `q` `e` fly. Others mean nothing.
     Letter(char),
+    /// Ends flying.
+    Escape,
 }
 
 impl Key {
@@ -66,10 +69,13 @@ impl Key {
             "-" | "_" => Self::Minus,
             "Home" => Self::Home,
             "1" | "2" | "3" | "4" | "5" | "6" => Self::Digit(name.parse().ok()?),
-            "l" | "L" => Self::Letter('l'),
-            "w" | "W" => Self::Letter('w'),
-            "n" | "N" => Self::Letter('n'),
-            _ => return None,
+            "Escape" => Self::Escape,
+            _ => {
+                let mut letters = name.chars();
+                let letter = letters.next()?.to_ascii_lowercase();
+                let is_known = "lnzgwasdqe".contains(letter) && letters.next().is_none();
+                return is_known.then_some(Self::Letter(letter));
+            }
         })
     }
 }
@@ -109,6 +115,11 @@ pub enum InputEvent {
         /// Place; zooming keeps the point below it.
         position: [f64; 2],
     },
+    /// A double click, or two taps in quick succession.
+    DoubleClick {
+        /// Place; the point of the model below it becomes the target.
+        position: [f64; 2],
+    },
     /// A key went down (repeats included).
     KeyDown {
         /// Which key.
@@ -116,4 +127,11 @@ pub enum InputEvent {
         /// Keys held.
         modifiers: Modifiers,
     },
+    /// A key went up.
+    KeyUp {
+        /// Which key.
+        key: Key,
+    },
+    /// The shell lost the keyboard: nothing is held any more.
+    Blur,
 }

@@ -106,6 +106,27 @@ impl Patch<'_> {
         })
     }
 
+    /// Position of vertex (i, j) alone, lattice units: that of [`Patch::vertex`], where the samples have targets for what
+    /// morphs; else the vertex at rest.
+    pub fn position(&self, i: usize, j: usize) -> Option<DVec3> {
+        let resolution = self.leaf.grid_resolution();
+        let cells = 1usize << resolution;
+        if i > cells || j > cells {
+            return None;
+        }
+        let (i, j, morph) = self.place(i, j, cells);
+        let stride = 1usize << self.samples.resolution.checked_sub(resolution)?;
+        let index = (j * self.samples.side() + i) * stride;
+        let point = |point: &[u32; 3]| DVec3::from_array(point.map(f64::from));
+        let position = point(self.samples.positions.get(index)?);
+        match self.samples.position_targets.get(index) {
+            Some(target) if (i | j) & 1 == 1 => {
+                Some(position + (point(target) - position) * f64::from(morph))
+            }
+            _ => Some(position),
+        }
+    }
+
     /// Which vertex stands in for (i, j), and its morph.
     fn place(&self, i: usize, j: usize, cells: usize) -> (usize, usize, f32) {
         let on = [j == 0, i == cells, j == cells, i == 0];

@@ -3,10 +3,11 @@
 //! Unused corners of a slot form triangles without extent, which cost little and save draw calls. Numbers of vertices are
 //! absolute, since WebGL2 has no base vertex. Shading is that of the grids: same bindings, same fragment shader.
 
-use super::grid::{GridPass, SHADER as GRID_SHADER};
+use super::grid::{GridPass, Pipelines, SHADER as GRID_SHADER};
 use crate::gpu_types::{CLUSTER_ATTRIBUTES, ClusterList};
 use crate::options::Shade;
 use crate::residency::upload::{CLUSTER_CORNERS, CLUSTER_VERTICES, ClusterUpload};
+use std::sync::OnceLock;
 
 /// Source of the shader module: that of the grids, with the vertex shaders of clusters.
 pub fn shader() -> String {
@@ -16,65 +17,69 @@ pub fn shader() -> String {
 /// Pipelines of clusters.
 #[derive(Debug)]
 pub struct ClusterPass {
-    surface: wgpu::RenderPipeline,
-    lines: wgpu::RenderPipeline,
+    module: wgpu::ShaderModule,
+    whole: Pipelines,
+    /// With pixels left out; made when first needed.
+    discarding: OnceLock<Pipelines>,
 }
 
 /// Bytes of a vertex.
 const VERTEX_BYTES: u64 = 16;
+/// How vertices lie in their buffer.
+const VERTICES: wgpu::VertexBufferLayout<'_> = wgpu::VertexBufferLayout {
+    array_stride: VERTEX_BYTES,
+    step_mode: wgpu::VertexStepMode::Vertex,
+    attributes: &CLUSTER_ATTRIBUTES,
+};
 /// Bytes of the number of a vertex.
 const CORNER_BYTES: u64 = 4;
 
 impl ClusterPass {
-    /// Makes the pipelines for pictures of `format`, with the bindings of `grid`.
-    pub fn new(device: &wgpu::Device, grid: &GridPass, format: wgpu::TextureFormat) -> Self {
+    /// Makes the pipelines, with the bindings of `grid` and for its pictures.
+    pub fn new(device: &wgpu::Device, grid: &GridPass) -> Self {
         let module = device.create_shader_module(wgpu::ShaderModuleDescriptor {
             label: Some("cluster"),
             source: wgpu::ShaderSource::Wgsl(shader().into()),
         });
-        let buffers = [Some(wgpu::VertexBufferLayout {
-            array_stride: VERTEX_BYTES,
-            step_mode: wgpu::VertexStepMode::Vertex,
-            attributes: &CLUSTER_ATTRIBUTES,
-        })];
-        let make = |topology, vertex, fragment| {
-            grid.pipelines(device, &module, format)
-                .make(topology, vertex, fragment, &buffers)
-        };
         Self {
-            surface: make(
-                wgpu::PrimitiveTopology::TriangleList,
-                "cluster_surface_vertex",
-                "surface_fragment",
-            ),
-            lines: make(
-                wgpu::PrimitiveTopology::LineList,
-                "cluster_line_vertex",
-                "line_fragment",
-            ),
+            whole: grid
+                .maker(&module, false)
+                .both("cluster_", &[Some(VERTICES)]),
+            discarding: OnceLock::new(),
+            module,
         }
     }
 
-    /// Draws `list` from `buffers`, with the bindings of the grids set.
+    /// Draws `list` from `buffers`, with the bindings of `grid` set. Pixels are left out only where it `discards`.
     pub fn draw(
         &self,
+        grid: &GridPass,
         pass: &mut wgpu::RenderPass<'_>,
         buffers: &ClusterBuffers,
         list: &ClusterList,
         shade: Shade,
+        discards: bool,
     ) {
         if list.runs.is_empty() {
             return;
         }
+        let pipelines = if discards {
+            self.discarding.get_or_init(|| {
+                grid.maker(&self.module, true)
+                    .both("cluster_", &[Some(VERTICES)])
+            })
+        } else {
+            &self.whole
+        };
         pass.set_vertex_buffer(0, buffers.vertices.slice(..));
-        pass.set_pipeline(&self.surface);
+        pass.set_pipeline(&pipelines.surface);
         pass.set_index_buffer(buffers.corners.slice(..), wgpu::IndexFormat::Uint32);
         for run in &list.runs {
             let corners = run.start * CLUSTER_CORNERS..run.end * CLUSTER_CORNERS;
             pass.draw_indexed(corners, 0, 0..1);
         }
         if shade == Shade::Wire {
-            pass.set_pipeline(&self.lines);
+            pass.set_pipeline(&pipelines.lines);
             pass.set_index_buffer(buffers.line_ends.slice(..), wgpu::IndexFormat::Uint32);
             for run in &list.runs {
                 let ends = 2 * run.start * CLUSTER_CORNERS..2 * run.end * CLUSTER_CORNERS;

@@ -8,6 +8,7 @@ use super::colour::TileTextures;
 use crate::gpu_types::{DrawList, Frame, Instance};
 use crate::options::Shade;
 use std::ops::Range;
+use std::sync::OnceLock;
 
 /// Samples a pixel.
 pub const SAMPLES: u32 = 4;
@@ -21,16 +22,48 @@ pub const SHADER: &str = concat!(
     include_str!("../shaders/shared/patch_vertex.wgsl"),
     include_str!("../shaders/shared/light.wgsl"),
     include_str!("../shaders/shared/tiles.wgsl"),
+    include_str!("../shaders/shared/visible.wgsl"),
     include_str!("../shaders/grid.wgsl"),
 );
+
+/// How instances lie in their buffer.
+const INSTANCES: wgpu::VertexBufferLayout<'_> = wgpu::VertexBufferLayout {
+    array_stride: size_of::<Instance>() as u64,
+    step_mode: wgpu::VertexStepMode::Instance,
+    attributes: &Instance::ATTRIBUTES,
+};
+
+/// One of the lists that a picture may consist of, each with a frame of its own.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Layer {
+    /// What both of two pictures show, or the only one.
+    Steady,
+    /// What is going.
+    Leaving,
+    /// What is coming.
+    Arriving,
+}
+
+/// One layer, ready to be drawn.
+#[derive(Debug, Clone, Copy)]
+pub struct Drawing<'a> {
+    /// Its instances.
+    pub list: &'a DrawList,
+    /// Where they start in the instance buffer.
+    pub first: u32,
+}
 
 /// Pipelines and buffers that do not depend on what is drawn.
 #[derive(Debug)]
 pub struct GridPass {
-    surface: wgpu::RenderPipeline,
-    lines: wgpu::RenderPipeline,
+    device: wgpu::Device,
+    format: wgpu::TextureFormat,
+    module: wgpu::ShaderModule,
+    whole: Pipelines,
+    /// With pixels left out, which is slower; made when first needed.
+    discarding: OnceLock<Pipelines>,
     layout: wgpu::BindGroupLayout,
-    frame: wgpu::Buffer,
+    frames: [wgpu::Buffer; 3],
     indices: wgpu::Buffer,
     /// By log2 of the cells a side.
     triangle_ranges: [Range<u32>; 6],
@@ -77,37 +110,30 @@ impl GridPass {
             ],
         });
         let (triangle_ranges, line_ranges, indices) = grid_indices();
-        let pipelines = Pipelines {
+        let maker = PipelineMaker {
             device,
             module: &module,
             layout: &layout,
             format,
+            discards: false,
         };
-        let instances = [Some(wgpu::VertexBufferLayout {
-            array_stride: size_of::<Instance>() as u64,
-            step_mode: wgpu::VertexStepMode::Instance,
-            attributes: &Instance::ATTRIBUTES,
-        })];
+        let whole = maker.both("", &[Some(INSTANCES)]);
         let indices = index_buffer(device, queue, &indices);
-        Self {
-            surface: pipelines.make(
-                wgpu::PrimitiveTopology::TriangleList,
-                "surface_vertex",
-                "surface_fragment",
-                &instances,
-            ),
-            lines: pipelines.make(
-                wgpu::PrimitiveTopology::LineList,
-                "line_vertex",
-                "line_fragment",
-                &instances,
-            ),
-            frame: device.create_buffer(&wgpu::BufferDescriptor {
+        let frame = |_| {
+            device.create_buffer(&wgpu::BufferDescriptor {
                 label: Some("frame"),
                 size: size_of::<Frame>() as u64,
                 usage: wgpu::BufferUsages::UNIFORM | wgpu::BufferUsages::COPY_DST,
                 mapped_at_creation: false,
-            }),
+            })
+        };
+        Self {
+            device: device.clone(),
+            format,
+            whole,
+            discarding: OnceLock::new(),
+            frames: [Layer::Steady, Layer::Leaving, Layer::Arriving].map(frame),
+            module,
             layout,
             indices,
             triangle_ranges,
@@ -115,30 +141,31 @@ impl GridPass {
         }
     }
 
-    /// To make pipelines of other shaders with the same bindings.
-    pub(super) fn pipelines<'a>(
+    /// Pipelines of other shaders with the same bindings.
+    pub(super) fn maker<'a>(
         &'a self,
-        device: &'a wgpu::Device,
         module: &'a wgpu::ShaderModule,
-        format: wgpu::TextureFormat,
-    ) -> Pipelines<'a> {
-        Pipelines {
-            device,
+        discards: bool,
+    ) -> PipelineMaker<'a> {
+        PipelineMaker {
+            device: &self.device,
             module,
             layout: &self.layout,
-            format,
+            format: self.format,
+            discards,
         }
     }
 
-    /// Sets what is the same for the whole frame.
-    pub fn set_frame(&self, queue: &wgpu::Queue, frame: &Frame) {
-        queue.write_buffer(&self.frame, 0, bytemuck::bytes_of(frame));
+    /// Sets what is the same for all of `layer`.
+    pub fn set_frame(&self, queue: &wgpu::Queue, layer: Layer, frame: &Frame) {
+        queue.write_buffer(self.frame_of(layer), 0, bytemuck::bytes_of(frame));
     }
 
-    /// Binds the samples to draw from.
+    /// Binds the samples to draw `layer` from.
     pub fn bind(
         &self,
         device: &wgpu::Device,
+        layer: Layer,
         atlas: &AtlasTextures,
         tiles: &TileTextures,
     ) -> wgpu::BindGroup {
@@ -154,7 +181,7 @@ impl GridPass {
             entries: &[
                 wgpu::BindGroupEntry {
                     binding: 0,
-                    resource: self.frame.as_entire_binding(),
+                    resource: self.frame_of(layer).as_entire_binding(),
                 },
                 view(1, &positions),
                 view(2, &normals),
@@ -169,44 +196,91 @@ impl GridPass {
         })
     }
 
-    /// Draws `list`, whose instances are in `instances`.
+    /// Draws `drawing`, whose instances are in `instances` and whose samples `samples` binds. Pixels are left out only where
+    /// it `discards`.
     pub fn draw(
         &self,
         pass: &mut wgpu::RenderPass<'_>,
         samples: &wgpu::BindGroup,
         instances: &wgpu::Buffer,
-        list: &DrawList,
+        drawing: Drawing<'_>,
         shade: Shade,
+        discards: bool,
     ) {
+        let pipelines = if discards {
+            self.discarding
+                .get_or_init(|| self.maker(&self.module, true).both("", &[Some(INSTANCES)]))
+        } else {
+            &self.whole
+        };
         pass.set_bind_group(0, samples, &[]);
         pass.set_vertex_buffer(0, instances.slice(..));
         pass.set_index_buffer(self.indices.slice(..), wgpu::IndexFormat::Uint16);
-        pass.set_pipeline(&self.surface);
-        draw_ranges(pass, list, &self.triangle_ranges);
+        pass.set_pipeline(&pipelines.surface);
+        draw_ranges(pass, drawing, &self.triangle_ranges);
         if shade == Shade::Wire {
-            pass.set_pipeline(&self.lines);
-            draw_ranges(pass, list, &self.line_ranges);
+            pass.set_pipeline(&pipelines.lines);
+            draw_ranges(pass, drawing, &self.line_ranges);
+        }
+    }
+
+    fn frame_of(&self, layer: Layer) -> &wgpu::Buffer {
+        let [steady, leaving, arriving] = &self.frames;
+        match layer {
+            Layer::Steady => steady,
+            Layer::Leaving => leaving,
+            Layer::Arriving => arriving,
         }
     }
 }
 
-fn draw_ranges(pass: &mut wgpu::RenderPass<'_>, list: &DrawList, ranges: &[Range<u32>; 6]) {
-    for (grid, instances) in list.draws() {
+fn draw_ranges(pass: &mut wgpu::RenderPass<'_>, drawing: Drawing<'_>, ranges: &[Range<u32>; 6]) {
+    for (grid, instances) in drawing.list.draws() {
         if let Some(indices) = ranges.get(usize::from(grid)) {
+            let instances = drawing.first + instances.start..drawing.first + instances.end;
             pass.draw_indexed(indices.clone(), 0, instances);
         }
     }
 }
 
-pub(super) struct Pipelines<'a> {
+#[derive(Debug)]
+pub(super) struct Pipelines {
+    pub(super) surface: wgpu::RenderPipeline,
+    pub(super) lines: wgpu::RenderPipeline,
+}
+
+pub(super) struct PipelineMaker<'a> {
     device: &'a wgpu::Device,
     module: &'a wgpu::ShaderModule,
     layout: &'a wgpu::BindGroupLayout,
     format: wgpu::TextureFormat,
+    discards: bool,
 }
 
-impl Pipelines<'_> {
-    pub(super) fn make(
+impl PipelineMaker<'_> {
+    /// The pipelines whose vertex shaders are called `{prefix}surface_vertex` and `{prefix}line_vertex`.
+    pub(super) fn both(
+        &self,
+        prefix: &str,
+        buffers: &[Option<wgpu::VertexBufferLayout<'_>>],
+    ) -> Pipelines {
+        Pipelines {
+            surface: self.make(
+                wgpu::PrimitiveTopology::TriangleList,
+                &format!("{prefix}surface_vertex"),
+                "surface_fragment",
+                buffers,
+            ),
+            lines: self.make(
+                wgpu::PrimitiveTopology::LineList,
+                &format!("{prefix}line_vertex"),
+                "line_fragment",
+                buffers,
+            ),
+        }
+    }
+
+    fn make(
         &self,
         topology: wgpu::PrimitiveTopology,
         vertex: &str,
@@ -221,7 +295,8 @@ impl Pipelines<'_> {
                 immediate_size: 0,
             });
         let encode_srgb = if self.format.is_srgb() { 0.0 } else { 1.0 };
-        let constants = [("encode_srgb", encode_srgb)];
+        let discards = f64::from(u8::from(self.discards));
+        let constants = [("encode_srgb", encode_srgb), ("discards", discards)];
         self.device
             .create_render_pipeline(&wgpu::RenderPipelineDescriptor {
                 label: Some(vertex),

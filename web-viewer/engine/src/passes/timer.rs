@@ -39,13 +39,17 @@ impl GpuTimer {
         })
     }
 
-    /// For the descriptor of the pass to be timed.
-    pub fn writes(&self) -> wgpu::RenderPassTimestampWrites<'_> {
-        wgpu::RenderPassTimestampWrites {
+    /// For the descriptor of a pass to be timed: whether the clock starts with it, and stops after it.
+    pub fn writes(
+        &self,
+        is_first: bool,
+        is_last: bool,
+    ) -> Option<wgpu::RenderPassTimestampWrites<'_>> {
+        (is_first || is_last).then(|| wgpu::RenderPassTimestampWrites {
             query_set: &self.queries,
-            beginning_of_pass_write_index: Some(0),
-            end_of_pass_write_index: Some(1),
-        }
+            beginning_of_pass_write_index: is_first.then_some(0),
+            end_of_pass_write_index: is_last.then_some(1),
+        })
     }
 
     /// After the pass.

@@ -15,6 +15,8 @@ use std::collections::{HashMap, HashSet};
 const KEPT_BYTES: u64 = 2 * (12 + 2);
 /// The same with colours and targets.
 const KEPT_COLOURED_BYTES: u64 = KEPT_BYTES + 2 * 3;
+/// Bytes of one sample kept for picking where there are no children: its position.
+const PICKED_BYTES: u64 = 12;
 
 /// Where a page is on the GPU.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -25,12 +27,20 @@ enum Place {
     Cluster(u32),
 }
 
+/// What stays of a page in the CPU's memory.
+#[derive(Debug)]
+enum Kept {
+    /// Everything where the page has children, else the positions alone.
+    Samples(PageSamples),
+    /// Positions and triangles.
+    Cluster(ClusterMesh),
+}
+
 /// A page in memory.
 #[derive(Debug)]
 struct Resident {
     place: Place,
-    /// Kept where the page has children.
-    samples: Option<PageSamples>,
+    kept: Kept,
     parent: Option<PageId>,
     children_here: u32,
     bytes: u64,
@@ -102,9 +112,20 @@ impl PageTable {
         self.base.get(index).copied()
     }
 
-    /// The samples of a resident page that has children.
+    /// The samples of a resident page; of one without children, the positions alone.
     pub fn samples(&self, page: PageId) -> Option<&PageSamples> {
-        self.pages.get(&page)?.samples.as_ref()
+        match &self.pages.get(&page)?.kept {
+            Kept::Samples(samples) => Some(samples),
+            Kept::Cluster(_) => None,
+        }
+    }
+
+    /// Positions and triangles of the cluster whose mesh `page` holds.
+    pub fn cluster_mesh(&self, page: PageId) -> Option<&ClusterMesh> {
+        match &self.pages.get(&page)?.kept {
+            Kept::Samples(_) => None,
+            Kept::Cluster(mesh) => Some(mesh),
+        }
     }
 
     /// Marks pages as used.
@@ -146,8 +167,17 @@ impl PageTable {
             has_children,
             !samples.colours.is_empty(),
         );
-        let samples = has_children.then_some(samples);
-        self.keep(page, Place::Texels(slot), samples, parent, bytes);
+        let kept = if has_children {
+            samples
+        } else {
+            PageSamples {
+                resolution: samples.resolution,
+                positions: samples.positions,
+                ..PageSamples::default()
+            }
+        };
+        let place = Place::Texels(slot);
+        self.keep(page, place, Kept::Samples(kept), parent, bytes);
         true
     }
 
@@ -157,30 +187,29 @@ impl PageTable {
         page: PageId,
         parent: Option<PageId>,
         level: u8,
-        mesh: &ClusterMesh,
+        mesh: ClusterMesh,
     ) -> bool {
         let Some(slot) = self.cluster_slots.allocate() else {
             return false;
         };
         self.cluster_uploads
-            .push(ClusterUpload::pack(slot, level, mesh));
-        self.keep(page, Place::Cluster(slot), None, parent, CLUSTER_SLOT_BYTES);
+            .push(ClusterUpload::pack(slot, level, &mesh));
+        let kept = Kept::Cluster(ClusterMesh {
+            positions: mesh.positions,
+            triangles: mesh.triangles,
+            ..ClusterMesh::default()
+        });
+        let place = Place::Cluster(slot);
+        self.keep(page, place, kept, parent, CLUSTER_SLOT_BYTES);
         true
     }
 
-    fn keep(
-        &mut self,
-        page: PageId,
-        place: Place,
-        samples: Option<PageSamples>,
-        parent: Option<PageId>,
-        bytes: u64,
-    ) {
+    fn keep(&mut self, page: PageId, place: Place, kept: Kept, parent: Option<PageId>, bytes: u64) {
         self.pages.insert(
             page,
             Resident {
                 place,
-                samples,
+                kept,
                 parent,
                 children_here: 0,
                 bytes,
@@ -267,7 +296,7 @@ impl PageTable {
     }
 }
 
-/// What a page takes: its texels, and its samples where children are decoded from them.
+/// What a page takes: its texels, its positions, and all its samples where children are decoded from them.
 pub fn bytes_of(resolution: u8, has_children: bool, has_colours: bool) -> u64 {
     let side = (1u64 << resolution) + 1;
     let texels = if has_colours {
@@ -276,7 +305,7 @@ pub fn bytes_of(resolution: u8, has_children: bool, has_colours: bool) -> u64 {
         SAMPLE_BYTES
     };
     let kept = match (has_children, has_colours) {
-        (false, _) => 0,
+        (false, _) => PICKED_BYTES,
         (true, false) => KEPT_BYTES,
         (true, true) => KEPT_COLOURED_BYTES,
     };

@@ -184,9 +184,11 @@ pub fn pack_point([x, y, z]: [u32; 3]) -> [u32; 2] {
 pub const CLUSTER_VERTICES: u32 = 256;
 /// Corners that a cluster's slot has room for.
 pub const CLUSTER_CORNERS: u32 = 3 * 256;
-/// Bytes of a cluster's slot: vertices, corners, and the ends of lines, two a corner.
-pub const CLUSTER_SLOT_BYTES: u64 =
-    16 * CLUSTER_VERTICES as u64 + 4 * CLUSTER_CORNERS as u64 + 8 * CLUSTER_CORNERS as u64;
+/// Bytes of a cluster's slot (vertices, corners, and the ends of lines, two a corner) and of what is kept for picking.
+pub const CLUSTER_SLOT_BYTES: u64 = (16 + 12) * CLUSTER_VERTICES as u64
+    + 4 * CLUSTER_CORNERS as u64
+    + 8 * CLUSTER_CORNERS as u64
+    + CLUSTER_CORNERS as u64;
 /// Slots that buffers of the size that WebGPU guarantees have room for.
 pub const MAX_CLUSTER_SLOTS: u32 = 1 << 14;
 

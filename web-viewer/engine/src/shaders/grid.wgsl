@@ -63,6 +63,9 @@ fn encoded(colour: vec3<f32>) -> vec4<f32> {
 fn surface_fragment(in: FromVertex, @builtin(front_facing) is_front: bool) -> @location(0) vec4<f32> {
     let along_x = dpdx(in.uv);
     let along_y = dpdy(in.uv);
+    if is_cut_away(in.clip.xy, in.to_eye) {
+        discard;
+    }
     // Zero where interpolated normals cancel: then the viewer's direction is as good as any.
     let squared = dot(in.normal, in.normal);
     let outward = select(frame.back.xyz, in.normal * inverseSqrt(max(squared, 1e-12)), squared > 1e-12);
@@ -84,5 +87,8 @@ fn surface_fragment(in: FromVertex, @builtin(front_facing) is_front: bool) -> @l
 
 @fragment
 fn line_fragment(in: FromVertex) -> @location(0) vec4<f32> {
+    if is_cut_away(in.clip.xy, in.to_eye) {
+        discard;
+    }
     return encoded(0.12 * in.albedo);
 }

@@ -153,7 +153,10 @@ impl Viewer {
 
     /// Pins the pages of the plan and of what is drawn, and marks them as used.
     pub(super) fn pin(&mut self) {
-        let drawn = self.pages_of(&self.drawn.cut);
+        let mut drawn = self.pages_of(&self.drawn.cut);
+        if let Some(fade) = &self.fade {
+            drawn.extend(self.pages_of(&fade.leaving.cut));
+        }
         self.pinned = self
             .needed
             .iter()

@@ -106,7 +106,7 @@ impl Viewer {
             Ok(mesh) => {
                 let node = self.document.cluster_node_of_page(page);
                 let level = node.map_or(0, |node| node.level);
-                if !self.table.insert_cluster(page, what.parent, level, &mesh) {
+                if !self.table.insert_cluster(page, what.parent, level, mesh) {
                     return false;
                 }
                 self.fetched += 1;

@@ -9,22 +9,22 @@ use crate::testing::{Random, Shape, clustered, random_finest};
 use glam::DVec3;
 use marquetry_format::{ByteSource, Limits, NodeId};
 
-const VIEWPORT: Viewport = Viewport {
+pub(super) const VIEWPORT: Viewport = Viewport {
     width: 800,
     height: 600,
 };
 
 /// A file, and requests that have not been answered yet.
-struct Network {
-    file: Vec<u8>,
-    open: Vec<Request>,
+pub(super) struct Network {
+    pub(super) file: Vec<u8>,
+    pub(super) open: Vec<Request>,
     random: Random,
     /// One in this many answers is an error, cut short, or has a flipped bit; 0 for none.
     faulty_one_in: u32,
 }
 
 impl Network {
-    fn new(shape: Shape, seed: u64) -> Self {
+    pub(super) fn new(shape: Shape, seed: u64) -> Self {
         let mut random = Random::new(seed);
         let finest = random_finest(&mut random, &shape.charts(5), 3, 5);
         Self {
@@ -33,7 +33,7 @@ impl Network {
         }
     }
 
-    fn of(file: Vec<u8>, seed: u64) -> Self {
+    pub(super) fn of(file: Vec<u8>, seed: u64) -> Self {
         Self {
             file,
             open: Vec::new(),
@@ -56,7 +56,7 @@ impl Network {
         }
     }
 
-    fn viewer(&self, options: ViewerOptions) -> Viewer {
+    pub(super) fn viewer(&self, options: ViewerOptions) -> Viewer {
         Viewer::new(
             Document::open(&self.file, Limits::default()).unwrap(),
             options,
@@ -65,7 +65,7 @@ impl Network {
     }
 
     /// One frame: some requests are answered, in any order.
-    fn frame(&mut self, viewer: &mut Viewer, seconds: f64) {
+    pub(super) fn frame(&mut self, viewer: &mut Viewer, seconds: f64) {
         self.open.extend(viewer.update(seconds, VIEWPORT));
         for _ in 0..self.random.below(4) {
             if self.open.is_empty() {
@@ -94,7 +94,7 @@ impl Network {
         Ok(bytes)
     }
 
-    fn settle(&mut self, viewer: &mut Viewer) {
+    pub(super) fn settle(&mut self, viewer: &mut Viewer) {
         for _ in 0..5000 {
             self.frame(viewer, 0.05);
             check(viewer);
@@ -130,8 +130,16 @@ fn check(viewer: &Viewer) {
         let tree = viewer.document.clusters.as_ref().unwrap();
         seen += u64::from(view.sees(&tree.node(id).unwrap().bounds));
     }
-    // Every leaf and every cluster that may be seen is in memory: no hole.
-    assert_eq!(stats.nodes, seen);
+    // Every leaf and every cluster that may be seen is in memory: no hole. While a picture fades the old one's are drawn, too.
+    match &viewer.fade {
+        None => assert_eq!(stats.nodes, seen),
+        Some(fade) => {
+            assert!(stats.nodes >= seen);
+            for needed in needed_pages(&fade.leaving.cut, &viewer.document) {
+                assert!(viewer.table.contains(needed.page));
+            }
+        }
+    }
     for needed in cluster::needed(&viewer.document, &drawn.cut) {
         assert!(viewer.table.contains(needed.page));
     }
@@ -435,4 +443,76 @@ fn few_bytes_mean_coarser_tiles_and_still_settle() {
         fetched[0] < fetched[1] && fetched[1] < fetched[2],
         "{fetched:?}"
     );
+}
+
+#[test]
+fn a_double_click_brings_the_point_to_the_middle() {
+    let mut network = Network::new(Shape::Cube, 21);
+    for morph_seconds in [0.0, 0.25] {
+        let mut viewer = network.viewer(ViewerOptions {
+            morph_seconds,
+            ..ViewerOptions::default()
+        });
+        network.open.clear();
+        network.settle(&mut viewer);
+        let place = [470.0, 250.0];
+        let pick = viewer.pick(place).unwrap();
+        let before = viewer.camera();
+        assert!(viewer.handle(InputEvent::DoubleClick { position: place }));
+        assert!(viewer.needs_update());
+        network.frame(&mut viewer, 0.1);
+        let arrived = (viewer.camera().target - pick.world).length() < 1e-9;
+        assert_eq!(arrived, morph_seconds == 0.0);
+        network.settle(&mut viewer);
+        assert!((viewer.camera().target - pick.world).length() < 1e-9);
+        let reach = |camera: Camera| (camera.eye - pick.world).length();
+        assert!((reach(viewer.camera()) - reach(before)).abs() < 1e-9);
+        // The background is no place to go, and input ends a journey.
+        assert!(!viewer.handle(InputEvent::DoubleClick { position: [0.0; 2] }));
+        assert!(viewer.handle(InputEvent::DoubleClick {
+            position: [400.0, 250.0]
+        }));
+        network.frame(&mut viewer, 0.05);
+        viewer.handle(InputEvent::Wheel {
+            notches: 0.0,
+            position: place,
+        });
+        let stopped = viewer.camera();
+        network.settle(&mut viewer);
+        assert!(viewer.camera() == stopped);
+    }
+}
+
+#[test]
+fn a_frozen_cut_stays_wherever_one_looks_from() {
+    let mut network = Network::new(Shape::Cube, 22);
+    let mut viewer = network.viewer(ViewerOptions::default());
+    network.settle(&mut viewer);
+    let key = InputEvent::KeyDown {
+        key: crate::Key::Letter('z'),
+        modifiers: crate::Modifiers::default(),
+    };
+    assert!(viewer.handle(key) && viewer.options().freeze);
+    let frozen = viewer.drawn().cut.clone();
+    let metadata = viewer.document.metadata.clone();
+    viewer.set_camera(Camera::standard(&metadata, 2, 0.9).unwrap());
+    network.settle(&mut viewer);
+    assert!(!viewer.needs_update() && viewer.drawn().cut == frozen);
+    assert!(viewer.handle(key) && viewer.needs_update());
+    network.settle(&mut viewer);
+    assert_ne!(viewer.drawn().cut, frozen);
+}
+
+#[test]
+fn a_wheel_keeps_the_point_below_it() {
+    let mut network = Network::new(Shape::Cube, 23);
+    let mut viewer = network.viewer(ViewerOptions::default());
+    network.settle(&mut viewer);
+    let position = [470.0, 250.0];
+    let world = viewer.pick(position).unwrap().world;
+    for notches in [-3.0, -1.0, 2.0] {
+        viewer.handle(InputEvent::Wheel { notches, position });
+        let [x, y, _] = viewer.project(world).unwrap();
+        assert!((x - position[0]).hypot(y - position[1]) < 1e-4);
+    }
 }

@@ -8,6 +8,10 @@ struct Frame {
     right: vec4<f32>,
     up: vec4<f32>,
     back: vec4<f32>,
+    // What stays: xyz · offset from the eye is at most w.
+    section: vec4<f32>,
+    // Noise from which (x) and below which (y) pixels are drawn.
+    mask: vec4<f32>,
 }
 
 // 0 is lit; 3 is lit, too, with lines over it.

@@ -1,0 +1,191 @@
+//! Transitions in which two pictures take each other's place: the old cut and the new one, for a while both.
+//!
+//! Leaves that both cuts draw alike, sides included, are drawn once and fully. A cut that changes again meanwhile waits
+//! until the change that is shown has ended.
+
+use super::Viewer;
+use crate::camera::View;
+use crate::colour::layer::ColourLayer;
+use crate::gpu_types::{DrawList, Instance};
+use crate::lod::animate::Drawn;
+use crate::options::Transition;
+use std::collections::HashSet;
+
+/// A change under way.
+#[derive(Debug, Clone)]
+pub(super) struct Fade {
+    /// What is going.
+    pub(super) leaving: Drawn,
+    /// How much of it has gone, 0..1.
+    pub(super) part: f32,
+}
+
+/// What is drawn besides [`Viewer::draw_list`] while one picture gives way to another.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub(crate) struct Fading {
+    /// Only in the old picture.
+    pub(crate) leaving: DrawList,
+    /// Only in the new picture.
+    pub(crate) arriving: DrawList,
+    /// How far the change is, 0..1.
+    pub(crate) part: f32,
+}
+
+impl Viewer {
+    /// Whether the present transition shows two pictures.
+    pub(super) fn fades(&self) -> bool {
+        matches!(
+            self.options.transition,
+            Transition::Alpha | Transition::Dither
+        )
+    }
+
+    /// Goes on by `part` of a change (above 0), and begins the next one where that has ended.
+    pub(super) fn fade(&mut self, part: f32) {
+        if let Some(fade) = &mut self.fade {
+            fade.part += part;
+            if fade.part >= 1.0 {
+                self.fade = None;
+            }
+        } else {
+            let arriving = Drawn::at_rest(self.target.clone());
+            self.fade = Some(Fade {
+                leaving: std::mem::replace(&mut self.drawn, arriving),
+                part: 0.0,
+            });
+        }
+    }
+
+    /// Collects what both pictures show, and what only one of them does.
+    pub(super) fn collect_both(&mut self, view: &View) {
+        let mut colour = self.colour.take();
+        if let Some(layer) = &mut colour {
+            layer.clear_map();
+        }
+        let all = self.list_of(view, &self.drawn, &mut colour);
+        let leaving = self
+            .fade
+            .as_ref()
+            .map(|fade| self.list_of(view, &fade.leaving, &mut colour));
+        self.colour = colour;
+        let (Some(leaving), Some(fade)) = (leaving, &self.fade) else {
+            self.fading = None;
+            self.draw_list = all;
+            return;
+        };
+        let keys = |list: &DrawList| list.instances.iter().map(key).collect::<HashSet<_>>();
+        let (old, new) = (keys(&leaving), keys(&all));
+        self.fading = Some(Fading {
+            leaving: leaving.filtered(|instance| !new.contains(&key(instance))),
+            arriving: all.filtered(|instance| !old.contains(&key(instance))),
+            part: fade.part,
+        });
+        self.draw_list = all.filtered(|instance| old.contains(&key(instance)));
+    }
+
+    /// The leaves of `drawn` in the picture, with their places in the map of `colour`.
+    fn list_of(&self, view: &View, drawn: &Drawn, colour: &mut Option<ColourLayer>) -> DrawList {
+        let (now, fade_seconds) = (self.clock, self.fade_seconds());
+        DrawList::new(&drawn.cut, |leaf| {
+            let mut instance = self.instance(view, drawn, leaf)?;
+            if let Some(layer) = colour {
+                instance.tiles = layer.add_to_map(leaf.node, now, fade_seconds);
+            }
+            Some(instance)
+        })
+    }
+}
+
+/// Bytes of an instance.
+type Key = [u8; size_of::<Instance>()];
+
+/// What an instance draws, bit for bit; where the map has its colours does not matter.
+fn key(instance: &Instance) -> Key {
+    bytemuck::cast(Instance {
+        tiles: [0; 2],
+        ..*instance
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::tests::Network;
+    use super::{Key, Viewer, key};
+    use crate::testing::Shape;
+    use crate::{Camera, Transition, ViewerOptions};
+    use std::collections::BTreeSet;
+
+    fn keys(lists: [&crate::gpu_types::DrawList; 2]) -> BTreeSet<Key> {
+        let all: Vec<_> = lists
+            .into_iter()
+            .flat_map(|list| list.instances.iter().map(key))
+            .collect();
+        let set: BTreeSet<_> = all.iter().copied().collect();
+        assert_eq!(set.len(), all.len(), "nothing is drawn twice");
+        set
+    }
+
+    fn at_once(viewer: &Viewer, drawn: &crate::lod::animate::Drawn) -> BTreeSet<Key> {
+        let view = viewer.view.unwrap();
+        let list =
+            crate::gpu_types::DrawList::new(&drawn.cut, |leaf| viewer.instance(&view, drawn, leaf));
+        keys([&list, &crate::gpu_types::DrawList::default()])
+    }
+
+    #[test]
+    fn each_picture_is_whole_all_along() {
+        for transition in [Transition::Alpha, Transition::Dither] {
+            let mut network = Network::new(Shape::Cube, 51);
+            let mut viewer = network.viewer(ViewerOptions {
+                transition,
+                ..ViewerOptions::default()
+            });
+            let metadata = viewer.document.metadata.clone();
+            let (mut fades, mut steady) = (0, 0);
+            for frame in 0..300 {
+                if frame % 60 == 0 {
+                    viewer.set_camera(Camera::standard(&metadata, frame / 20, 1.4).unwrap());
+                }
+                network.frame(&mut viewer, 0.03);
+                let Some(fading) = &viewer.fading else {
+                    assert!(viewer.fade.is_none());
+                    continue;
+                };
+                fades += 1;
+                steady += viewer.draw_list.instances.len();
+                assert!((0.0..1.0).contains(&fading.part));
+                let fade = viewer.fade.as_ref().unwrap();
+                assert_eq!(
+                    keys([&viewer.draw_list, &fading.leaving]),
+                    at_once(&viewer, &fade.leaving)
+                );
+                assert_eq!(
+                    keys([&viewer.draw_list, &fading.arriving]),
+                    at_once(&viewer, &viewer.drawn)
+                );
+            }
+            assert!(fades > 20 && steady > 0, "{fades} {steady}");
+            network.settle(&mut viewer);
+            assert!(viewer.fading.is_none());
+        }
+    }
+
+    #[test]
+    fn settled_cut_is_that_of_no_transition() {
+        let mut network = Network::new(Shape::Torus, 52);
+        let mut cuts = Vec::new();
+        for transition in [Transition::None, Transition::Alpha, Transition::Dither] {
+            let mut viewer = network.viewer(ViewerOptions {
+                transition,
+                ..ViewerOptions::default()
+            });
+            network.open.clear();
+            network.settle(&mut viewer);
+            cuts.push((viewer.drawn.cut.clone(), viewer.draw_list.clone()));
+        }
+        assert!(
+            cuts.iter()
+                .all(|(cut, list)| *cut == cuts[0].0 && list.ends == cuts[0].1.ends)
+        );
+    }
+}

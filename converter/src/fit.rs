@@ -1,11 +1,11 @@
 //! Moves samples so that the surface between them is as near to the source as it can be.
 //!
-//! Samples on a curved surface leave the surface between them on one side of it; a least-squares fit has half the error or
-//! less with the same triangles (Hoppe, "Progressive Meshes", 1996, and Marinov and Kobbelt, "Optimization methods for
-//! scattered data approximation with subdivision surfaces", 2005, fit in the same way). The points of all leaves, those on
-//! shared borders once, are the unknowns of one sparse system: the squared distances of the source's points to their
-//! tangent planes, plus a small part of the squared distances to the points themselves, which keeps samples from drifting
-//! along flat parts ([`system`]); conjugate gradients solve it ([`conjugate`]).
+//! Samples that lie on a curved surface leave the surface between them on one side of it; a least-squares fit has half the
+//! error or less with the same triangles (Hoppe et al., "Mesh Optimization", 1993, fit vertices in this way). The points of all
+//! leaves, those on shared borders once, are the unknowns of one sparse system: the squared distances of the source's points
+//! to their tangent planes (Chen and Medioni, "Object Modelling by Registration of Multiple Range Images", 1992), plus a small
+//! part of the squared distances to the points themselves, which keeps samples from drifting along flat parts ([`system`]);
+//! conjugate gradients solve it ([`conjugate`]).
 //!
 //! What must not happen is undone ([`guard`]): no point moves farther than half an edge, no triangle turns over, no leaf
 //! gets worse. Points on open borders stay where they are.

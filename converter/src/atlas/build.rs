@@ -13,6 +13,7 @@ use crate::fit::{self, Fitted};
 use crate::parameterize::Parametrization;
 use crate::resample::{Sampler, Window};
 use glam::DVec3;
+use marquetry_evaluation::distance;
 use marquetry_format::writer::{ChartInput, NodeInput};
 use marquetry_format::{ChartId, Glue, Lattice, NodeId, PageSamples, Quadrant};
 use rayon::prelude::*;
@@ -24,6 +25,11 @@ const AIM: f64 = 0.94;
 const EXPECTED_LEFT: f64 = 0.4;
 /// Depths tried at most.
 const ATTEMPTS: usize = 5;
+/// A fit that had to be undone at more than this part of the points is measured before it is believed: where tangent planes
+/// say little, as at the creases and slivers of CAD models, distances to them do not either.
+const DOUBTFUL: f64 = 0.1;
+/// Samples of that measurement.
+const MEASURED_SAMPLES: u64 = 20_000;
 /// A result below this part of the goal, squared errors, has more samples than it needs.
 const WASTEFUL: f64 = 0.7;
 
@@ -124,7 +130,14 @@ pub fn build(surface: &Surface<'_>, progress: &(dyn Fn(f64) + Sync)) -> Atlas {
             break;
         }
         let found = Finest::new(surface, &samplers, depth);
-        let reached = found.squares / survey.area.max(f64::MIN_POSITIVE);
+        let estimated = found.squares / survey.area.max(f64::MIN_POSITIVE);
+        let reached = if found.kept as f64 > DOUBTFUL * found.points as f64 {
+            found
+                .measured_rms(surface)
+                .map_or(estimated, |rms| estimated.max((rms * AIM).powi(2)))
+        } else {
+            estimated
+        };
         tracing::debug!(
             attempt,
             points = found.points,
@@ -241,6 +254,37 @@ impl Finest {
             points: points.len() as u64,
             kept,
         }
+    }
+}
+
+impl Finest {
+    /// True RMS distance, the larger of both ways, where it can be measured.
+    fn measured_rms(&self, surface: &Surface<'_>) -> Option<f64> {
+        let (mut positions, mut triangles) = (Vec::new(), Vec::new());
+        // In the order of nodes: sums must not depend on that of the map.
+        let mut leaves: Vec<_> = self.leaves.iter().collect();
+        leaves.sort_unstable_by_key(|&(&node, _)| node);
+        for (_, samples) in leaves {
+            quantize::append_mesh(samples, &surface.lattice, &mut positions, &mut triangles);
+        }
+        let (mut source, mut source_triangles) = (Vec::new(), Vec::new());
+        for patch in surface.patches {
+            let first = u32::try_from(source.len()).ok()?;
+            source.extend_from_slice(&patch.positions);
+            source_triangles.extend(patch.triangles.iter().map(|t| t.map(|v| first + v)));
+        }
+        let measured = distance::measure(
+            distance::Mesh {
+                positions: &positions,
+                triangles: &triangles,
+            },
+            distance::Mesh {
+                positions: &source,
+                triangles: &source_triangles,
+            },
+            MEASURED_SAMPLES,
+        );
+        measured.ok().map(|measured| measured.rms())
     }
 }
 

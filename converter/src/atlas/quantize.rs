@@ -135,6 +135,24 @@ pub fn finest_resolution(node: &NodeInput) -> u8 {
         })
 }
 
+/// Appends a grid's triangles, in world units.
+pub(super) fn append_mesh(
+    samples: &PageSamples,
+    lattice: &Lattice,
+    positions: &mut Vec<DVec3>,
+    triangles: &mut Vec<[u32; 3]>,
+) {
+    let first = u32::try_from(positions.len()).unwrap_or(u32::MAX);
+    positions.extend(world_positions(samples, lattice));
+    let side = u32::try_from(samples.side()).unwrap_or(u32::MAX);
+    for j in 0..side - 1 {
+        for i in 0..side - 1 {
+            let a = first + j * side + i;
+            triangles.extend([[a, a + 1, a + side + 1], [a, a + side + 1, a + side]]);
+        }
+    }
+}
+
 /// All leaf nodes as one triangle mesh in world units; borders between nodes are not joined.
 pub fn finest_surface(charts: &[ChartInput], lattice: &Lattice) -> (Vec<DVec3>, Vec<[u32; 3]>) {
     let (mut positions, mut triangles) = (Vec::new(), Vec::new());
@@ -144,15 +162,7 @@ pub fn finest_surface(charts: &[ChartInput], lattice: &Lattice) -> (Vec<DVec3>, 
             stack.extend(children.iter());
             continue;
         }
-        let first = u32::try_from(positions.len()).unwrap_or(u32::MAX);
-        positions.extend(world_positions(&node.samples, lattice));
-        let side = u32::try_from(node.samples.side()).unwrap_or(u32::MAX);
-        for j in 0..side - 1 {
-            for i in 0..side - 1 {
-                let a = first + j * side + i;
-                triangles.extend([[a, a + 1, a + side + 1], [a, a + side + 1, a + side]]);
-            }
-        }
+        append_mesh(&node.samples, lattice, &mut positions, &mut triangles);
     }
     (positions, triangles)
 }

@@ -25,7 +25,9 @@ impl Viewer {
     pub(super) fn fade_seconds(&self) -> f64 {
         match self.options.transition {
             Transition::None => 0.0,
-            Transition::Geomorph => self.options.morph_seconds,
+            Transition::Alpha | Transition::Dither | Transition::Geomorph => {
+                self.options.morph_seconds
+            }
         }
     }
 

@@ -3,7 +3,7 @@
 //! `cargo run --release -p marquetry-tests --example big_mesh -- INPUT OUTPUT.ply ROUNDS`
 
 use anyhow::{Context, Result, bail};
-use glam::{DVec3, Vec3};
+use glam::Vec3;
 use marquetry_converter::mesh::adjacency::{EdgeTable, end, start};
 use std::io::{BufWriter, Write};
 use std::path::Path;
@@ -19,7 +19,11 @@ fn main() -> Result<()> {
     let rounds: u32 = rounds.parse().context("ROUNDS is a number")?;
     let (imported, _) = marquetry_converter::import::import(Path::new(input))?;
     let (mesh, _) = marquetry_converter::mesh::prepare(imported)?;
-    let mut positions: Vec<Vec3> = mesh.positions.iter().map(DVec3::as_vec3).collect();
+    let mut positions: Vec<Vec3> = mesh
+        .positions
+        .iter()
+        .map(|position| position.as_vec3())
+        .collect();
     let mut triangles = mesh.triangles;
     for _ in 0..rounds {
         triangles = subdivide(&mut positions, &triangles);

@@ -1,6 +1,7 @@
 //! Charts, their shared borders, and what is written of them.
 
 pub mod build;
+mod caps;
 pub mod chart_graph;
 pub mod colour;
 pub mod depth;

@@ -7,6 +7,7 @@ pub mod account;
 pub mod adjacency;
 mod check;
 pub mod duplicates;
+pub mod handles;
 pub mod manifold;
 mod normals;
 mod simplicial;
@@ -64,6 +65,8 @@ pub struct ManifoldMesh {
     pub triangles: Vec<[u32; 3]>,
     /// Opposite half-edge of half-edge `3 * t + k` (which runs from corner k to corner k + 1 of triangle t), or [`NONE`].
     pub twins: Vec<u32>,
+    /// Middle vertices of the caps that [`handles`] put in, ascending; the triangles around them are no part of the import.
+    pub cap_apexes: Vec<u32>,
 }
 
 /// Welds `mesh` and makes an oriented manifold of it; the account says what became of every triangle.

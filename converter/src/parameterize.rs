@@ -14,6 +14,7 @@
 //! protrusions shrink exponentially in (u, v); reweighting spreads them again, but where it does not suffice
 //! [`Parametrization::flipped`] says so.
 
+mod branches;
 mod certify;
 mod cholesky;
 mod chords;
@@ -32,7 +33,7 @@ use glam::DVec2;
 
 pub(crate) use certify::orientation;
 pub(crate) use edges::Edges;
-pub(crate) use flatten::{Weights, flatten};
+pub(crate) use flatten::{Flat, Weights, flatten};
 
 /// Stretch reweights tried; later ones rarely gain a percent and can start to oscillate.
 const REWEIGHTS: usize = 3;
@@ -42,6 +43,9 @@ const REWEIGHTS_IF_POOR: usize = 16;
 
 /// A stretch that more reweights are spent on.
 const POOR_STRETCH: f64 = 2.0;
+
+/// A stretch that tells of a protrusion shrunk beyond what reweighting can mend.
+const LOST_STRETCH: f64 = 20.0;
 
 /// Reweights tried to save a map with flipped faces. Along a tube each lowers the exponent of its shrinking to 0.41 of
 /// what it was, as far as digits reach.
@@ -71,11 +75,11 @@ pub fn parameterize(patch: &mut Patch, borders: &[Border]) -> Parametrization {
     }
     let mut uv = vec![DVec2::splat(0.5); patch.positions.len()];
     let on_side = place_sides(patch, borders, &mut uv);
-    let metric = stretch::Metric::of(patch);
+    let metric = stretch::Metric::of(&patch.positions, &patch.triangles);
     let mut best = Best::default();
     if on_side.iter().all(|&on| on) {
         let flipped = certify::count_flipped(&patch.triangles, &uv);
-        best.offer(&uv, flipped, metric.stretch(patch, &uv));
+        best.offer(&uv, flipped, metric.stretch(&patch.triangles, &uv));
         return best.take();
     }
     let mut system = tutte::System::of(&edges, &on_side);
@@ -89,10 +93,10 @@ pub fn parameterize(patch: &mut Patch, borders: &[Border]) -> Parametrization {
         &mut uv,
         &mut best,
     );
-    if best.is_certified() {
+    if best.is_certified() && best.stretch() < LOST_STRETCH {
         return best.take();
     }
-    weights = tutte::uniform_weights(&edges);
+    weights = branches::weights(&edges, &on_side);
     relax(
         patch,
         &edges,
@@ -109,7 +113,7 @@ pub fn parameterize(patch: &mut Patch, borders: &[Border]) -> Parametrization {
     system.solve(&edges, &weights, &mut uv);
     system.refine(&edges, &weights, &mut uv);
     let flipped = certify::count_flipped(&patch.triangles, &uv);
-    best.offer(&uv, flipped, metric.stretch(patch, &uv));
+    best.offer(&uv, flipped, metric.stretch(&patch.triangles, &uv));
     best.take()
 }
 
@@ -128,7 +132,7 @@ fn relax(
     loop {
         system.solve(edges, weights, uv);
         let flipped = certify::count_flipped(&patch.triangles, uv);
-        let gains = best.offer(uv, flipped, metric.stretch(patch, uv));
+        let gains = best.offer(uv, flipped, metric.stretch(&patch.triangles, uv));
         // A reweight spreads what shrank to nothing, so it can also save a map that is not certified yet.
         if best.is_certified() {
             let most = if best.stretch() > POOR_STRETCH {
@@ -136,7 +140,8 @@ fn relax(
             } else {
                 REWEIGHTS
             };
-            if flipped > 0 || !gains || rounds >= most {
+            let lost = best.stretch() > LOST_STRETCH;
+            if flipped > 0 || !gains && !lost || rounds >= most {
                 return;
             }
             rounds += 1;
@@ -146,7 +151,7 @@ fn relax(
             }
             rescues += 1;
         }
-        metric.vertex_stretch(patch, uv, &mut around);
+        metric.vertex_stretch(&patch.triangles, uv, &mut around);
         tutte::divide_by_stretch(edges, &around, weights);
     }
 }

@@ -1,5 +1,6 @@
 //! The whole way from a mesh file to a `.marq` file.
 
+use crate::atlas::patch::Patch;
 use crate::atlas::{build, chart_graph, quantize};
 use crate::cluster::{self, select::Selection};
 use crate::error::ImportError;
@@ -11,9 +12,10 @@ use crate::parameterize::{self, Parametrization};
 use crate::process;
 use crate::quadrangulate::{self, Layout, QuadrangulateError};
 use crate::report::{
-    ErrorReport, FitReport, InputReport, Lost, Merged, OutputReport, Report, StageReport,
+    AreaReport, ErrorReport, FitReport, InputReport, LayoutReport, Lost, Merged, OutputReport,
+    Report, StageReport,
 };
-use crate::segment::{self, Segmentation};
+use crate::segment;
 use crate::texture::build::TextureError;
 use crate::texture::stage::{TextureReport, Textures};
 use glam::DVec3;
@@ -240,8 +242,8 @@ fn target_regions(triangles: usize, handles: usize) -> u32 {
     regions
 }
 
-/// Rounds of splitting regions at protrusions; each halves what is left of them.
-const SPLIT_ROUNDS: u32 = 3;
+/// Handles are cut where a cap stays within so many targets of the surface.
+const CAP_OVER_TARGET: f64 = 25.0;
 
 /// Samples of the measurement of the written file, each way, beside all vertices.
 const MEASURED_SAMPLES: u64 = 100_000;
@@ -341,11 +343,17 @@ impl Conversion<'_> {
 
         let lattice = quantize::lattice(min, max, target);
         let Selection {
-            rest: surface,
+            rest: mut surface,
             small,
             components,
         } = cluster::select::select(mesh);
-        let (atlas, colour) = self.atlas(&surface, &textures, (min, max), lattice, has_colours)?;
+        self.begin("handles")?;
+        let source_triangles = surface.triangles.len();
+        let cut = mesh::handles::cut(&mut surface, CAP_OVER_TARGET * target);
+        let (atlas, colour, layout) =
+            self.atlas(&surface, &textures, cut, (min, max), lattice, has_colours)?;
+        // Caps are no part of the source.
+        surface.triangles.truncate(source_triangles);
         let clusters = if components.is_empty() {
             None
         } else {
@@ -405,6 +413,7 @@ impl Conversion<'_> {
                 non_manifold_edges: account.topology.non_manifold_edges,
                 t_junctions: account.t_junctions,
             },
+            layout,
             output,
             seconds: self.stages.started.elapsed().as_secs_f64(),
             stages: self.stages.reports,
@@ -427,13 +436,15 @@ impl Conversion<'_> {
         &mut self,
         mesh: &ManifoldMesh,
         textures: &Textures,
+        cut: mesh::handles::Cut,
         (min, max): (DVec3, DVec3),
         lattice: Lattice,
         colours: bool,
-    ) -> Result<(build::Atlas, Option<ColourInput>), ConvertError> {
+    ) -> Result<(build::Atlas, Option<ColourInput>, LayoutReport), ConvertError> {
         if mesh.triangles.is_empty() {
-            return Ok((build::Atlas::default(), None));
+            return Ok((build::Atlas::default(), None, LayoutReport::default()));
         }
+        let diagonal = (max - min).length();
         self.begin("segment")?;
         let segmentation =
             segment::segment(mesh, target_regions(mesh.triangles.len(), handles(mesh)));
@@ -441,8 +452,20 @@ impl Conversion<'_> {
         let Layout {
             mut patches,
             borders,
-            ..
-        } = self.layout(mesh, segmentation)?;
+            regions,
+        } = quadrangulate::quadrangulate(mesh, &segmentation).map_err(|source| {
+            ConvertError::Layout {
+                path: self.input.to_owned(),
+                source,
+            }
+        })?;
+        let layout = LayoutReport {
+            regions,
+            chart_area: AreaReport::of(patches.par_iter().map(Patch::area).collect()),
+            handles_cut: cut.handles,
+            cap_triangles: cut.cap_triangles,
+            cap_distance_rel: cut.distance / diagonal.max(f64::MIN_POSITIVE),
+        };
         chart_graph::sort_along_curve(
             &mut patches,
             min,
@@ -466,7 +489,8 @@ impl Conversion<'_> {
                 glue: &glue,
                 lattice,
                 colours,
-                target: self.options.error_rel * (max - min).length(),
+                target: self.options.error_rel * diagonal,
+                cap_distance: cut.distance,
             },
             &|done| progress.fraction(done),
         );
@@ -478,7 +502,7 @@ impl Conversion<'_> {
                 progress.fraction(done)
             })
             .map_err(|source| self.texture_error(source))?;
-        Ok((atlas, colour))
+        Ok((atlas, colour, layout))
     }
 
     fn import(&mut self) -> Result<(ImportedMesh, ImportReport), ConvertError> {
@@ -590,42 +614,6 @@ impl Conversion<'_> {
         }
         self.stages.begin(stage);
         Ok(())
-    }
-
-    /// Quads of the regions; regions with protrusions are split until none is lost.
-    fn layout(
-        &self,
-        mesh: &ManifoldMesh,
-        mut segmentation: Segmentation,
-    ) -> Result<Layout, ConvertError> {
-        let quadrangulate = |segmentation: &Segmentation| {
-            quadrangulate::quadrangulate(mesh, segmentation).map_err(|source| {
-                ConvertError::Layout {
-                    path: self.input.to_owned(),
-                    source,
-                }
-            })
-        };
-        let mut layout = quadrangulate(&segmentation)?;
-        let mut split = vec![false; mesh.positions.len()];
-        for _ in 0..SPLIT_ROUNDS {
-            if layout.specks.is_empty() {
-                break;
-            }
-            let Some(parts) = segment::split_at(mesh, &segmentation, &layout.specks, &mut split)
-            else {
-                break;
-            };
-            segmentation = parts;
-            layout = quadrangulate(&segmentation)?;
-        }
-        if !layout.specks.is_empty() {
-            tracing::warn!(
-                regions = layout.specks.len(),
-                "protrusions stay that are too long to be sampled well"
-            );
-        }
-        Ok(layout)
     }
 
     /// Writes beside the output, reads back, syncs, renames.

@@ -26,9 +26,8 @@ pub struct Layout {
     pub patches: Vec<Patch>,
     /// Border curves; a border is used by one side (open) or two (glued).
     pub borders: Vec<Border>,
-    /// Vertices of the mesh in whose neighbourhood a flattening has shrunk to a speck: tips of protrusions, at which to
-    /// split the regions.
-    pub specks: Vec<u32>,
+    /// Regions that the patches were cut from.
+    pub regions: u32,
 }
 
 /// A region that could not be cut into quads.
@@ -76,11 +75,10 @@ pub fn quadrangulate(
         .enumerate()
         .map(|(id, outline)| {
             let id = u32::try_from(id).unwrap_or(u32::MAX);
-            let region = region::Region::new(id, mesh.positions.len(), &points, &arcs, &outline)?;
+            let region = region::Region::new(id, &points, &arcs, &outline)?;
             spokes::cut(region)
         })
         .collect::<Result<_, _>>()?;
-    let specks = cut.iter().filter_map(|c| c.speck).collect();
     let mut patches = Vec::with_capacity(cut.iter().map(|c| c.patches.len()).sum());
     for mut region in cut {
         let first_spoke = u32::try_from(borders.len()).unwrap_or(u32::MAX);
@@ -94,6 +92,6 @@ pub fn quadrangulate(
     Ok(Layout {
         patches,
         borders,
-        specks,
+        regions: segmentation.regions,
     })
 }

@@ -8,6 +8,8 @@ use crate::texture::stage::TextureReport;
 pub struct Report {
     /// What was read.
     pub input: InputReport,
+    /// How the surface was cut into charts.
+    pub layout: LayoutReport,
     /// What was written.
     pub output: OutputReport,
     /// Wall time by stage, in order.
@@ -51,6 +53,43 @@ pub struct InputReport {
     pub non_manifold_edges: usize,
     /// Vertices on the inside of border edges (T-junctions), which were joined to them.
     pub t_junctions: usize,
+}
+
+/// How the surface was cut into charts.
+#[derive(Debug, Clone, Default, serde::Serialize)]
+pub struct LayoutReport {
+    /// Regions, each of as many charts as it has corners.
+    pub regions: u32,
+    /// Area of the charts, in squares of the input's unit.
+    pub chart_area: AreaReport,
+    /// Handles that were cut and capped for the layout's sake.
+    pub handles_cut: usize,
+    /// Triangles of the caps: no part of the input.
+    pub cap_triangles: usize,
+    /// Bound of the distance from the caps to the input, relative to the diagonal of its bounds.
+    pub cap_distance_rel: f64,
+}
+
+/// Spread of the charts' areas.
+#[derive(Debug, Clone, Default, serde::Serialize)]
+pub struct AreaReport {
+    /// Smallest.
+    pub min: f64,
+    /// Median (of an even number, the larger of the two in the middle).
+    pub median: f64,
+    /// Largest.
+    pub max: f64,
+}
+
+impl AreaReport {
+    pub(crate) fn of(mut areas: Vec<f64>) -> Self {
+        areas.sort_unstable_by(f64::total_cmp);
+        Self {
+            min: areas.first().copied().unwrap_or(0.0),
+            median: areas.get(areas.len() / 2).copied().unwrap_or(0.0),
+            max: areas.last().copied().unwrap_or(0.0),
+        }
+    }
 }
 
 /// What was written.

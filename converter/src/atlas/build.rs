@@ -3,6 +3,7 @@
 //! Depth is chosen for the error that is expected of the fit, and chosen anew when the fit turns out otherwise. Samples of
 //! inner nodes are those of their leaves. Errors are taken of the decoded samples.
 
+use super::caps;
 use super::depth::Depth;
 use super::leaves::{self, Leaf, Points};
 use super::patch::{Border, Patch};
@@ -50,6 +51,8 @@ pub struct Surface<'a> {
     pub colours: bool,
     /// Target RMS error, a length.
     pub target: f64,
+    /// Bound of the distance from the caps of cut handles to the source, a length.
+    pub cap_distance: f64,
 }
 
 /// The charts, and their error at the finest resolution.
@@ -167,6 +170,7 @@ pub fn build(surface: &Surface<'_>, progress: &(dyn Fn(f64) + Sync)) -> Atlas {
                 surface,
                 sampler: &samplers[chart],
                 finest: &finest,
+                caps: caps::squares(&surface.patches[chart], &surface.parametrizations[chart]),
             };
             let root = NodeId::root(ChartId(u32::try_from(chart).unwrap_or(u32::MAX)));
             let root = builder.node(root);
@@ -325,6 +329,7 @@ struct ChartBuilder<'a> {
     surface: &'a Surface<'a>,
     sampler: &'a Sampler<'a>,
     finest: &'a Finest,
+    caps: Vec<caps::Square>,
 }
 
 impl ChartBuilder<'_> {
@@ -345,7 +350,10 @@ impl ChartBuilder<'_> {
         // Errors never grow on the way down.
         let mut bounds: Vec<f32> = errors
             .iter()
-            .map(|e| self.surface.in_lattice_units(e.max))
+            .map(|e| {
+                self.surface
+                    .in_lattice_units(e.max + self.cap_distance(node))
+            })
             .collect();
         let mut floor = deepest_error(children.as_deref());
         for bound in bounds.iter_mut().rev() {
@@ -357,6 +365,15 @@ impl ChartBuilder<'_> {
             errors: bounds,
             cone,
             children,
+        }
+    }
+
+    /// How far the patch itself may be from the source within a node.
+    fn cap_distance(&self, node: NodeId) -> f64 {
+        if self.caps.iter().any(|cap| cap.touches(node)) {
+            self.surface.cap_distance
+        } else {
+            0.0
         }
     }
 

@@ -10,6 +10,8 @@ pub struct Attributes {
     pub normal: Vec3,
     /// Linear-light colour, 0..=1 each.
     pub colour: Vec3,
+    /// 0 on the imported surface, above it inside a cap that closes what cutting a handle opened.
+    pub cap: f32,
 }
 
 /// A border curve between two charts, or of one chart and nothing: sampled once, copied into both.
@@ -64,6 +66,17 @@ pub struct Patch {
     /// Border of each side, and whether the side runs along it (else against it). The side has as many vertices as the
     /// border has points.
     pub borders: [(u32, bool); 4],
+}
+
+impl Patch {
+    /// Surface area.
+    pub fn area(&self) -> f64 {
+        let doubled = |t: &[u32; 3]| {
+            let [a, b, c] = t.map(|v| self.positions[v as usize]);
+            (b - a).cross(c - a).length()
+        };
+        0.5 * self.triangles.iter().map(doubled).sum::<f64>()
+    }
 }
 
 #[cfg(test)]

@@ -48,6 +48,7 @@ pub fn manifold(mesh: WeldedMesh, table: &EdgeTable, account: &mut Account) -> M
         origin,
         triangles,
         twins,
+        cap_apexes: Vec::new(),
     };
     if ambiguous {
         let before = mesh.triangles.len();

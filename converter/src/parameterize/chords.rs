@@ -52,6 +52,7 @@ fn add_midpoint(patch: &mut Patch, a: usize, b: usize) -> u32 {
     patch.attributes.push(Attributes {
         normal: (from.normal + to.normal).normalize_or_zero(),
         colour: (from.colour + to.colour) * 0.5,
+        cap: (from.cap + to.cap) * 0.5,
     });
     vertex
 }

@@ -5,8 +5,7 @@
 //!
 //! Triangles without area in space carry no stretch; a triangle without area in (u, v) has infinite stretch.
 
-use crate::atlas::patch::Patch;
-use glam::DVec2;
+use glam::{DVec2, DVec3};
 
 /// Bounds of a vertex's stretch: one reweight changes a weight at most by their squares.
 const STRETCH_RANGE: [f64; 2] = [1e-3, 1e6];
@@ -31,13 +30,12 @@ struct Shape {
 }
 
 impl Metric {
-    pub(super) fn of(patch: &Patch) -> Self {
+    pub(super) fn of(positions: &[DVec3], triangles: &[[u32; 3]]) -> Self {
         let mut area = 0.0;
-        let shapes = patch
-            .triangles
+        let shapes = triangles
             .iter()
             .map(|corners| {
-                let [a, b, c] = corners.map(|vertex| patch.positions[vertex as usize]);
+                let [a, b, c] = corners.map(|vertex| positions[vertex as usize]);
                 let (first, second) = (b - a, c - a);
                 let shape = Shape {
                     first: first.length_squared(),
@@ -53,12 +51,12 @@ impl Metric {
     }
 
     /// L² stretch of the whole map, at least 1; 0 without area in space, infinite if a face has none in (u, v).
-    pub(super) fn stretch(&self, patch: &Patch, uv: &[DVec2]) -> f64 {
+    pub(super) fn stretch(&self, triangles: &[[u32; 3]], uv: &[DVec2]) -> f64 {
         if self.area <= 0.0 {
             return 0.0;
         }
         let mut energy = 0.0;
-        for (corners, shape) in patch.triangles.iter().zip(&self.shapes) {
+        for (corners, shape) in triangles.iter().zip(&self.shapes) {
             energy += shape.energy(corners.map(|vertex| uv[vertex as usize]), 0.0);
         }
         energy.sqrt() / self.area
@@ -66,9 +64,14 @@ impl Metric {
 
     /// Stretch around every vertex where an isometry onto a square of the same area has 1; faces that are flipped or
     /// flat by rounding count as very small.
-    pub(super) fn vertex_stretch(&self, patch: &Patch, uv: &[DVec2], around: &mut Vec<f64>) {
+    pub(super) fn vertex_stretch(
+        &self,
+        triangles: &[[u32; 3]],
+        uv: &[DVec2],
+        around: &mut Vec<f64>,
+    ) {
         let mut sums = vec![(0.0, 0.0); uv.len()];
-        for (corners, shape) in patch.triangles.iter().zip(&self.shapes) {
+        for (corners, shape) in triangles.iter().zip(&self.shapes) {
             let energy = shape.energy(corners.map(|vertex| uv[vertex as usize]), SMALLEST_AREA);
             for &vertex in corners {
                 let sum = &mut sums[vertex as usize];

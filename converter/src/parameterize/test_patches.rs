@@ -86,6 +86,7 @@ pub(crate) fn bumpy(
                 normal: Vec3::new(random.unit() as f32 - 0.5, random.unit() as f32 - 0.5, 1.0)
                     .normalize_or_zero(),
                 colour: Vec3::new(x as f32, y as f32, random.unit() as f32),
+                cap: 0.0,
             });
         }
     }
@@ -128,6 +129,7 @@ pub(crate) fn shattered(count: usize, noise: f64, seed: u64) -> Patch {
         patch.attributes.push(Attributes {
             normal: Vec3::Z,
             colour: Vec3::splat(random.unit() as f32),
+            cap: 0.0,
         });
         patch.triangles[at] = [a, b, vertex];
         patch.triangles.extend([[b, c, vertex], [c, a, vertex]]);

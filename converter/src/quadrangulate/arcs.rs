@@ -16,15 +16,19 @@ pub(super) struct Points {
 
 impl Points {
     fn new(mesh: &ManifoldMesh) -> Self {
-        let attributes = (0..mesh.positions.len())
+        let mut attributes: Vec<Attributes> = (0..mesh.positions.len())
             .map(|v| Attributes {
                 normal: mesh.normals.get(v).map_or(Vec3::ZERO, |n| n.as_vec3()),
                 colour: mesh
                     .colours
                     .get(v)
                     .map_or(Vec3::ZERO, |&c| crate::atlas::colour::linear_from_srgb(c)),
+                cap: 0.0,
             })
             .collect();
+        for &apex in &mesh.cap_apexes {
+            attributes[apex as usize].cap = 1.0;
+        }
         Self {
             positions: mesh.positions.clone(),
             attributes,
@@ -74,20 +78,23 @@ pub(super) fn mix(a: &Attributes, b: &Attributes, f: f64) -> Attributes {
     Attributes {
         normal: a.normal.lerp(b.normal, f).normalize_or_zero(),
         colour: a.colour.lerp(b.colour, f),
+        cap: a.cap + (b.cap - a.cap) * f,
     }
 }
 
 /// Mean of some attributes.
 pub(super) fn mean<'a>(of: impl Iterator<Item = &'a Attributes>) -> Attributes {
-    let (mut normal, mut colour, mut n) = (Vec3::ZERO, Vec3::ZERO, 0.0f32);
+    let (mut normal, mut colour, mut cap, mut n) = (Vec3::ZERO, Vec3::ZERO, 0.0f32, 0.0f32);
     for a in of {
         normal += a.normal;
         colour += a.colour;
+        cap += a.cap;
         n += 1.0;
     }
     Attributes {
         normal: normal.normalize_or_zero(),
         colour: colour / n.max(1.0),
+        cap: cap / n.max(1.0),
     }
 }
 

@@ -4,14 +4,10 @@ use super::QuadrangulateError;
 use super::arcs::{Arc, Outline, Points, mix};
 use crate::atlas::patch::Attributes;
 use crate::mesh::NONE;
-use crate::parameterize::{Weights, flatten};
+use crate::parameterize::{Flat, Weights, flatten};
 use glam::{DVec2, DVec3};
 use std::collections::HashMap;
 use std::f64::consts::TAU;
-
-/// Area of the flattening over that of the surface, relative to the region's mean, below which a neighbourhood counts as
-/// lost: below it even the deepest nodes have less than one sample there.
-const SPECK: f64 = 1e-8;
 
 /// One side of a region, counter-clockwise.
 #[derive(Debug)]
@@ -32,15 +28,11 @@ pub(super) struct Region {
     pub(super) attributes: Vec<Attributes>,
     pub(super) triangles: Vec<[u32; 3]>,
     pub(super) sides: Vec<RegionSide>,
-    /// Vertex of the whole mesh that each of the first vertices is; the others come from cutting.
-    mesh_vertices: Vec<u32>,
 }
 
 impl Region {
-    /// `mesh_vertices` is how many of the first points are the mesh's own vertices.
     pub(super) fn new(
         id: u32,
-        mesh_vertices: usize,
         points: &Points,
         arcs: &[Arc],
         outline: &Outline,
@@ -93,11 +85,6 @@ impl Region {
                 .collect(),
             triangles,
             sides,
-            mesh_vertices: used
-                .iter()
-                .copied()
-                .take_while(|&g| (g as usize) < mesh_vertices)
-                .collect(),
         };
         region.split_chords()?;
         Ok(region)
@@ -167,43 +154,9 @@ impl Region {
 
     /// Positions on a convex polygon around the origin with one vertex a corner, sides in order; the middle of each
     /// side is the middle of the polygon's side.
-    pub(super) fn flattened(&self, weights: Weights) -> Vec<DVec2> {
+    pub(super) fn flattened(&self, weights: Weights) -> Flat {
         let fixed = self.outline();
         flatten(&self.positions, &self.triangles, &fixed, weights)
-    }
-
-    /// The mesh's vertex around which `uv` has shrunk the most, if it has shrunk beyond [`SPECK`].
-    pub(super) fn speck(&self, uv: &[DVec2]) -> Option<u32> {
-        let mut areas = vec![[0.0; 2]; self.mesh_vertices.len()];
-        let mut total = [0.0; 2];
-        for t in &self.triangles {
-            let [a, b, c] = t.map(|v| self.positions[v as usize]);
-            let [ua, ub, uc] = t.map(|v| uv[v as usize]);
-            let area = [
-                (b - a).cross(c - a).length(),
-                (ub - ua).perp_dot(uc - ua).max(0.0),
-            ];
-            for k in 0..2 {
-                total[k] += area[k];
-                for &v in t {
-                    if let Some(around) = areas.get_mut(v as usize) {
-                        around[k] += area[k];
-                    }
-                }
-            }
-        }
-        let scale = |[surface, flat]: [f64; 2]| (flat / total[1]) / (surface / total[0]);
-        let shrunk = areas
-            .iter()
-            .map(|&a| scale(a))
-            .enumerate()
-            .filter(|(_, s)| *s < SPECK);
-        // Rounding may leave many at exactly zero: the heaviest of the smallest stands for them.
-        let least = shrunk.min_by(|a, b| {
-            a.1.total_cmp(&b.1)
-                .then(areas[b.0][0].total_cmp(&areas[a.0][0]))
-        });
-        least.map(|(v, _)| self.mesh_vertices[v])
     }
 
     /// Where the border vertices go; `None` for the others.

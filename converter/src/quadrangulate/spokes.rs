@@ -9,9 +9,9 @@ use super::arcs::{border, mean, mix};
 use super::region::Region;
 use crate::atlas::patch::{Border, Patch};
 use crate::mesh::NONE;
-use crate::parameterize::Weights;
+use crate::parameterize::{Flat, Weights};
 use glam::DVec2;
-use std::collections::{HashMap, HashSet};
+use std::collections::HashMap;
 
 /// A region's patches, and the spokes between them. Patch k holds corner k + 1; its borders 0 and 3 are spoke numbers
 /// in `spokes`, its borders 1 and 2 are final.
@@ -19,42 +19,72 @@ use std::collections::{HashMap, HashSet};
 pub(super) struct CutRegion {
     pub(super) patches: Vec<Patch>,
     pub(super) spokes: Vec<Border>,
-    /// See [`Region::speck`].
-    pub(super) speck: Option<u32>,
 }
+
+/// Rounds of reweighting of every flattening, and of one in which a protrusion stays shrunk.
+///
+/// Along a tube each lowers the exponent of its shrinking to 0.41 of what it was.
+const WEIGHTS: Weights = Weights::Stretch(1, 16);
+
+/// A flattening that has shrunk a place by more than this (a length) gets its centre there.
+const TIP: f64 = 4.0;
+
+/// A centre is good when the smallest quad has this part of the region's mean.
+const BALANCED: f64 = 0.25;
 
 /// Where the centre is tried, in radii of the polygon, until the cut succeeds.
 ///
-/// A protrusion shrinks to a speck of the polygon, where rounding folds triangles over each other. That does no harm
+/// A tip of a protrusion comes first: the spokes then run along the protrusion, and it is no longer inside of any quad.
+/// Where a protrusion shrinks to a speck of the polygon, rounding folds triangles over each other. That does no harm
 /// unless a spoke runs through the speck, and another centre sends the spokes elsewhere.
-fn centres() -> impl Iterator<Item = DVec2> {
+fn centres(flat: &Flat) -> impl Iterator<Item = DVec2> {
+    let tip = flat.tip.filter(|&(_, shrunk)| shrunk > TIP);
     // Golden-angle spiral: no two directions alike.
-    (0..12).map(|i| DVec2::from_angle(2.399_963 * f64::from(i)) * 0.02 * f64::from(i))
+    let spiral = (0..16).map(|i| DVec2::from_angle(2.399_963 * f64::from(i)) * 0.02 * f64::from(i));
+    tip.map(|(v, _)| flat.uv[v as usize])
+        .into_iter()
+        .chain(spiral)
 }
 
 pub(super) fn cut(mut region: Region) -> Result<CutRegion, QuadrangulateError> {
     let vertices = region.positions.len();
     let triangles = region.triangles.clone();
-    let mut speck = None;
-    for weights in [Weights::Cotangent, Weights::Uniform] {
+    let mut best: Option<(f64, CutRegion)> = None;
+    for weights in [WEIGHTS, Weights::Uniform] {
         let flat = region.flattened(weights);
-        if weights == Weights::Cotangent {
-            speck = region.speck(&flat);
-        }
-        for centre in centres() {
-            let uv = flat.iter().map(|&p| p - centre).collect();
+        for centre in centres(&flat) {
+            let uv = flat.uv.iter().map(|&p| p - centre).collect();
             if let Some(cut) = Sectors::new(&mut region, uv).and_then(|mut sectors| sectors.cut()) {
-                return Ok(CutRegion { speck, ..cut });
+                let balance = cut.balance();
+                if best.as_ref().is_none_or(|(other, _)| balance > *other) {
+                    best = Some((balance, cut));
+                }
+                if balance >= BALANCED {
+                    break;
+                }
             }
             region.positions.truncate(vertices);
             region.attributes.truncate(vertices);
             region.triangles.clone_from(&triangles);
+        }
+        if let Some((_, cut)) = best {
+            return Ok(cut);
         }
     }
     Err(QuadrangulateError::Folded {
         region: region.id,
         triangles: triangles.len(),
     })
+}
+
+impl CutRegion {
+    /// Area of the smallest patch over their mean.
+    fn balance(&self) -> f64 {
+        let areas: Vec<f64> = self.patches.iter().map(Patch::area).collect();
+        let mean = areas.iter().sum::<f64>() / areas.len().max(1) as f64;
+        let least = areas.into_iter().fold(f64::INFINITY, f64::min);
+        if mean > 0.0 { least / mean } else { 1.0 }
+    }
 }
 
 fn orient(a: DVec2, b: DVec2, c: DVec2) -> f64 {
@@ -140,22 +170,27 @@ impl<'a> Sectors<'a> {
         }
     }
 
-    /// The points where edge a → b crosses spokes, made on first use; from a to b.
-    fn edge(&mut self, a: u32, b: u32) -> Vec<u32> {
+    /// Adds the points where edge a → b crosses spokes, made on first use; from a to b.
+    fn push_edge(&mut self, a: u32, b: u32, outline: &mut Vec<u32>) {
         let (low, high) = (a.min(b), a.max(b));
-        if !self.crossings.contains_key(&(low, high)) {
-            let made = self
-                .crossed(low, high)
+        let spokes = self.crossed(low, high);
+        if spokes.is_empty() {
+            return;
+        }
+        let first = outline.len();
+        if let Some(made) = self.crossings.get(&(low, high)) {
+            outline.extend(made);
+        } else {
+            let made: Vec<u32> = spokes
                 .into_iter()
                 .map(|k| self.cross(low, high, k))
                 .collect();
+            outline.extend(&made);
             self.crossings.insert((low, high), made);
         }
-        let mut points = self.crossings[&(low, high)].clone();
         if a > b {
-            points.reverse();
+            outline[first..].reverse();
         }
-        points
     }
 
     fn cross(&mut self, a: u32, b: u32, spoke: u32) -> u32 {
@@ -194,10 +229,15 @@ impl<'a> Sectors<'a> {
         let mut polygon = Vec::new();
         let mut seen: Vec<u32> = Vec::new();
         for t in &triangles {
+            let [a, b, c] = t.map(|v| self.class[v as usize]);
+            if a == b && b == c && a % 2 == 1 && a != CENTRE {
+                pieces[a as usize / 2].push(*t);
+                continue;
+            }
             outline.clear();
             for k in 0..3 {
                 outline.push(t[k]);
-                outline.extend(self.edge(t[k], t[(k + 1) % 3]));
+                self.push_edge(t[k], t[(k + 1) % 3], &mut outline);
             }
             seen.clear();
             for i in 0..outline.len() {
@@ -239,7 +279,6 @@ impl<'a> Sectors<'a> {
         Some(CutRegion {
             patches,
             spokes: spokes.into_iter().collect::<Option<_>>()?,
-            speck: None,
         })
     }
 
@@ -260,16 +299,16 @@ impl<'a> Sectors<'a> {
             following.vertices[0],
             following.vertices[following.middle],
         ];
-        let sides = sides_of_disk(triangles, corners)?;
+        let mut used: Vec<u32> = triangles.iter().flatten().copied().collect();
+        used.sort_unstable();
+        used.dedup();
+        let sides = sides_of_disk(triangles, used.len(), corners)?;
         // The outer sides must be the arcs, point by point: their borders are shared with other regions.
         if sides[1] != side.vertices[side.middle..]
             || sides[2] != following.vertices[..=following.middle]
         {
             return None;
         }
-        let mut used: Vec<u32> = triangles.iter().flatten().copied().collect();
-        used.sort_unstable();
-        used.dedup();
         let local = |v: u32| {
             used.binary_search(&v)
                 .ok()
@@ -410,29 +449,35 @@ fn insert_origin(region: &mut Region, uv: &mut Vec<DVec2>) -> Option<u32> {
 }
 
 /// The outline of `triangles` between `corners`, when it is one loop through all four in order and they are a disk.
-fn sides_of_disk(triangles: &[[u32; 3]], corners: [u32; 4]) -> Option<[Vec<u32>; 4]> {
-    let edges: HashSet<(u32, u32)> = triangles
+///
+/// `vertices` is how many different ones they have.
+fn sides_of_disk(
+    triangles: &[[u32; 3]],
+    vertices: usize,
+    corners: [u32; 4],
+) -> Option<[Vec<u32>; 4]> {
+    // Both ends in order, then whether the edge runs from the higher one.
+    let mut edges: Vec<(u32, u32, bool)> = triangles
         .iter()
         .flat_map(|t| (0..3).map(|k| (t[k], t[(k + 1) % 3])))
+        .map(|(a, b)| (a.min(b), a.max(b), a > b))
         .collect();
-    if edges.len() != 3 * triangles.len() {
-        return None;
-    }
+    edges.sort_unstable();
     let mut open: HashMap<u32, u32> = HashMap::new();
-    let mut vertices = HashSet::new();
-    let mut outline_edges = 0usize;
-    for t in triangles {
-        for k in 0..3 {
-            let (a, b) = (t[k], t[(k + 1) % 3]);
-            vertices.insert(a);
-            if !edges.contains(&(b, a)) {
-                outline_edges += 1;
-                if open.insert(a, b).is_some() {
+    let mut interior_edges = 0;
+    for edge in edges.chunk_by(|p, q| (p.0, p.1) == (q.0, q.1)) {
+        match *edge {
+            [(low, high, down)] => {
+                let (from, to) = if down { (high, low) } else { (low, high) };
+                if open.insert(from, to).is_some() {
                     return None;
                 }
             }
+            [(_, _, false), (_, _, true)] => interior_edges += 1,
+            _ => return None,
         }
     }
+    let outline_edges = open.len();
     let mut sides: [Vec<u32>; 4] = Default::default();
     let mut at = corners[0];
     let mut walked = 0;
@@ -447,7 +492,6 @@ fn sides_of_disk(triangles: &[[u32; 3]], corners: [u32; 4]) -> Option<[Vec<u32>;
             sides[s].push(at);
         }
     }
-    let interior_edges = (edges.len() - outline_edges) / 2;
-    let euler = vertices.len() + triangles.len() == outline_edges + interior_edges + 1;
+    let euler = vertices + triangles.len() == outline_edges + interior_edges + 1;
     (walked == outline_edges && euler).then_some(sides)
 }

@@ -31,6 +31,7 @@ fn manifold(positions: Vec<DVec3>, triangles: Vec<[u32; 3]>) -> ManifoldMesh {
         positions,
         triangles,
         twins,
+        cap_apexes: Vec::new(),
     }
 }
 

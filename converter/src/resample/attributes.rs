@@ -19,6 +19,7 @@ pub(super) fn within_segment(from: Attributes, to: Attributes, along: f64) -> At
     Attributes {
         normal: (from.normal + (to.normal - from.normal) * along).normalize_or_zero(),
         colour: from.colour + (to.colour - from.colour) * along,
+        cap: from.cap + (to.cap - from.cap) * along,
     }
 }
 

@@ -1,0 +1,140 @@
+//! Cutting along loops, and the caps.
+
+use super::search::Loop;
+use super::{Cut, ManifoldMesh, NONE, end, id, next, start};
+use glam::DVec3;
+
+/// Halvings of a cap's triangles while its distance is bounded.
+const HALVINGS: u32 = 3;
+
+fn centre(mesh: &ManifoldMesh, path: &[u32]) -> DVec3 {
+    let at = |h: u32| mesh.positions[start(&mesh.triangles, h) as usize];
+    path.iter().map(|&h| at(h)).sum::<DVec3>() / path.len() as f64
+}
+
+/// Bound of the distance from any point of the loop's cap to the loop.
+pub(super) fn distance(mesh: &ManifoldMesh, path: &[u32]) -> f64 {
+    let segments: Vec<[DVec3; 2]> = path
+        .iter()
+        .map(|&h| {
+            [start(&mesh.triangles, h), end(&mesh.triangles, h)].map(|v| mesh.positions[v as usize])
+        })
+        .collect();
+    let centre = centre(mesh, path);
+    segments
+        .iter()
+        .map(|&[a, b]| bound([a, b, centre], &segments, HALVINGS))
+        .fold(0.0, f64::max)
+}
+
+/// Bound of the distance from a triangle to some segments: the distance to one of them is convex, so it is largest at a corner.
+fn bound(corners: [DVec3; 3], segments: &[[DVec3; 2]], halvings: u32) -> f64 {
+    let to_segment = |p: DVec3, [a, b]: [DVec3; 2]| {
+        let along = ((p - a).dot(b - a) / (b - a).length_squared()).clamp(0.0, 1.0);
+        p.distance(if along.is_nan() { a } else { a.lerp(b, along) })
+    };
+    let whole = segments
+        .iter()
+        .map(|&s| {
+            corners
+                .iter()
+                .map(|&p| to_segment(p, s))
+                .fold(0.0, f64::max)
+        })
+        .fold(f64::INFINITY, f64::min);
+    if halvings == 0 {
+        return whole;
+    }
+    let [a, b, c] = corners;
+    let (ab, bc, ca) = (a.midpoint(b), b.midpoint(c), c.midpoint(a));
+    let parts = [[a, ab, ca], [ab, b, bc], [ca, bc, c], [ab, bc, ca]];
+    parts
+        .into_iter()
+        .map(|part| bound(part, segments, halvings - 1))
+        .fold(0.0, f64::max)
+        .min(whole)
+}
+
+/// Cuts `mesh` along disjoint loops and caps both sides of each.
+pub(super) fn cut(mesh: &mut ManifoldMesh, loops: &[Loop], done: &mut Cut) {
+    let first_origin = mesh.origin.iter().map(|&o| o + 1).max().unwrap_or(0);
+    for (path, origin) in loops.iter().zip(first_origin..) {
+        done.handles += 1;
+        done.cap_triangles += 2 * path.len();
+        done.distance = done.distance.max(distance(mesh, path));
+        let centre = centre(mesh, path);
+        let other_side: Vec<u32> = path.iter().rev().map(|&h| mesh.twins[h as usize]).collect();
+        separate(mesh, path);
+        for side in [path.as_slice(), &other_side] {
+            cap(mesh, side, centre, origin);
+        }
+    }
+}
+
+/// Gives the right side of the loop its own vertices.
+fn separate(mesh: &mut ManifoldMesh, path: &[u32]) {
+    for (i, &h) in path.iter().enumerate() {
+        let before = path[(i + path.len() - 1) % path.len()];
+        let v = start(&mesh.triangles, h);
+        let copy = push_vertex(mesh, v);
+        let last = mesh.twins[before as usize];
+        // The right side's fan lies clockwise from this edge to the one before.
+        let mut at = next(mesh.twins[h as usize]);
+        loop {
+            mesh.triangles[at as usize / 3][at as usize % 3] = copy;
+            if at == last {
+                break;
+            }
+            at = next(mesh.twins[at as usize]);
+        }
+    }
+    for &h in path {
+        let twin = mesh.twins[h as usize];
+        mesh.twins[h as usize] = NONE;
+        mesh.twins[twin as usize] = NONE;
+    }
+}
+
+/// A copy of vertex `v`.
+fn push_vertex(mesh: &mut ManifoldMesh, v: u32) -> u32 {
+    let (copy, v) = (id(mesh.positions.len()), v as usize);
+    mesh.positions.push(mesh.positions[v]);
+    mesh.origin.push(mesh.origin[v]);
+    mesh.normals.push(mesh.normals[v]);
+    if !mesh.colours.is_empty() {
+        mesh.colours.push(mesh.colours[v]);
+    }
+    copy
+}
+
+/// Closes the opening along `side`, whose half-edges have no twins, by a fan around a new vertex.
+fn cap(mesh: &mut ManifoldMesh, side: &[u32], centre: DVec3, origin: u32) {
+    let apex = push_vertex(mesh, start(&mesh.triangles, side[0]));
+    mesh.cap_apexes.push(apex);
+    let first = id(mesh.triangles.len());
+    let count = id(side.len());
+    let mut normal = DVec3::ZERO;
+    let mut colour = [0; 3];
+    for (k, &h) in (0..count).zip(side) {
+        let (a, b) = (start(&mesh.triangles, h), end(&mesh.triangles, h));
+        mesh.triangles.push([b, a, apex]);
+        // Its other neighbours: the one before starts where this one ends on the loop.
+        let (before, after) = (first + (k + count - 1) % count, first + (k + 1) % count);
+        mesh.twins.extend([h, 3 * before + 2, 3 * after + 1]);
+        mesh.twins[h as usize] = 3 * (first + k);
+        let [p, q] = [a, b].map(|v| mesh.positions[v as usize] - centre);
+        normal += q.cross(p);
+        if let Some(own) = mesh.colours.get(a as usize) {
+            for (sum, &part) in colour.iter_mut().zip(own) {
+                *sum += u32::from(part);
+            }
+        }
+    }
+    let apex = apex as usize;
+    mesh.positions[apex] = centre;
+    mesh.origin[apex] = origin;
+    mesh.normals[apex] = normal.try_normalize().unwrap_or(DVec3::Z);
+    if let Some(own) = mesh.colours.get_mut(apex) {
+        *own = colour.map(|sum| u8::try_from(sum / count).unwrap_or(u8::MAX));
+    }
+}

@@ -1,0 +1,50 @@
+//! What the layout of a whole scan comes to.
+
+use marquetry_converter::pipeline::{Options, Progress, convert};
+use std::path::{Path, PathBuf};
+
+struct Quiet;
+
+impl Progress for Quiet {
+    fn stage(&self, _name: &'static str) {}
+    fn fraction(&self, _done: f64) {}
+}
+
+/// A scan of `../shared/data`; where it is absent says so.
+fn scan(name: &str) -> Option<PathBuf> {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR"))
+        .join("../../shared/data")
+        .join(name);
+    if path.exists() {
+        return Some(path);
+    }
+    eprintln!("ignored: {} is not there", path.display());
+    None
+}
+
+#[test]
+#[cfg_attr(debug_assertions, ignore = "minutes without optimisation")]
+fn dragon_needs_few_charts_of_even_size() {
+    let Some(input) = scan("dragon_vrip.ply") else {
+        return;
+    };
+    let folder = tempfile::tempdir().unwrap();
+    let output = folder.path().join("dragon.marq");
+    let report = convert(&input, &output, &Options::default(), &Quiet).unwrap();
+    let (layout, error) = (&report.layout, &report.error);
+    println!(
+        "{layout:?}\n{error:?}\n{:?}\n{:?}",
+        report.output, report.stages
+    );
+    assert!(layout.regions <= 120, "{} regions", layout.regions);
+    assert!(layout.handles_cut >= 50, "{} handles", layout.handles_cut);
+    let area = &layout.chart_area;
+    assert!(area.min >= area.median / 50.0, "{area:?}");
+    assert!(error.rms_rel <= 1e-4, "{error:?}");
+    assert!(error.hausdorff_rel <= error.max_rel, "{error:?}");
+    assert!(error.hausdorff_rel <= 3e-3, "{error:?}");
+    // Caps are within the stated bound, and no part of the input.
+    assert!(layout.cap_distance_rel <= error.max_rel, "{layout:?}");
+    assert_eq!(report.input.triangles, 871_414);
+    assert_eq!(report.lost.triangles, 108);
+}

@@ -74,6 +74,10 @@ fn instance_attributes_have_the_types_of_the_shader() {
                     size: naga::VectorSize::Quad,
                     scalar,
                 } if *scalar == naga::Scalar::F32 => VertexFormat::Float32x4,
+                naga::TypeInner::Vector {
+                    size: naga::VectorSize::Bi,
+                    scalar,
+                } if *scalar == naga::Scalar::U32 => VertexFormat::Uint32x2,
                 naga::TypeInner::Scalar(scalar) if *scalar == naga::Scalar::F32 => {
                     VertexFormat::Float32
                 }

@@ -4,7 +4,8 @@
 //! there; and while a conversion runs, a thread of its own watches the resident set and has the process ended shortly
 //! before it would pass the ceiling ([`watch`]).
 //!
-//! Limits: nothing is moved to disk, so what does not fit is refused. Where the system does not tell the resident set, the
+//! Limits: nothing is moved to disk, so what does not fit is refused. What is taken within 10 ms may pass the ceiling by
+//! more than the reserve where that is less than some MiB. Where the system does not tell the resident set, the
 //! last check is missing.
 
 use crate::process;
@@ -13,8 +14,8 @@ use std::time::Duration;
 
 /// Bytes that a conversion takes whatever its input: code, threads, tables.
 const BASE: u64 = 24 << 20;
-/// Bytes a triangle at the peak of a conversion. Measured with `marquetry convert --json -` (`peak_rss_bytes` over
-/// `input.triangles`), see ARCHITECTURE.md; below what the dearest inputs take, so that nothing is refused that fits.
+/// Bytes a triangle at the peak of a conversion, at least: `peak_rss_bytes` over `input.triangles` of `marquetry convert
+/// --json -` is above 400 on `dragon_vrip.ply`. Lower, so that nothing is refused that might fit.
 const BYTES_PER_TRIANGLE: u64 = 300;
 /// How often the resident set is looked at.
 const INTERVAL: Duration = Duration::from_millis(10);

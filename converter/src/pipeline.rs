@@ -173,7 +173,7 @@ pub enum ConvertError {
     #[error("the target error must be a number above 0 and at most 1, not {0}")]
     Target(f64),
     /// The output cannot be written.
-    #[error("{path}: cannot be written: {source}")]
+    #[error("{path}: cannot be written")]
     Output {
         /// The output.
         path: PathBuf,

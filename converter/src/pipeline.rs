@@ -499,7 +499,7 @@ impl Conversion<'_> {
         }
         let colour = textures
             .tiles(&patches, &parametrizations, &glue, &|done| {
-                progress.fraction(done)
+                progress.fraction(done);
             })
             .map_err(|source| self.texture_error(source))?;
         Ok((atlas, colour, layout))

@@ -119,13 +119,7 @@ pub fn write(
     content: &Content<'_>,
     out: &mut dyn std::io::Write,
 ) -> Result<BytesByPart, Error> {
-    if metadata.lattice != *lattice {
-        let detail = format!("{:?} and {lattice:?}", metadata.lattice);
-        return Err(Error::Input {
-            rule: "the metadata repeats the lattice",
-            detail,
-        });
-    }
+    check_lattice(metadata, lattice)?;
     let metadata_bytes = metadata.encode()?;
     let coding = Coding {
         shift: lattice.shift,
@@ -151,14 +145,7 @@ pub fn write(
         .colour
         .map(|input| colour::writer::Prepared::new(input, charts.len()))
         .transpose()?;
-    let mut kinds: Vec<SectionKind> = if clusters.is_some() {
-        SECTIONS_WITH_CLUSTERS.to_vec()
-    } else {
-        ATLAS_SECTIONS.to_vec()
-    };
-    if colour.is_some() {
-        kinds.extend([SectionKind::ColourDirectory, SectionKind::ColourTiles]);
-    }
+    let kinds = kinds_of(clusters.is_some(), colour.is_some());
     let before_charts = Header::encoded_length(kinds.len() as u32)
         + metadata_bytes.len() as u64
         + Directory::encoded_length(block_count);
@@ -166,17 +153,7 @@ pub fn write(
     let front = Front::new(charts, coding, before_charts + tree_bytes)?;
     let encoded = encode_pages(&pages, coding, front.base_resolution)?;
 
-    let facts = encoded
-        .chunks(BLOCK_PAGES as usize)
-        .map(|block| {
-            encode_facts(
-                &block
-                    .iter()
-                    .map(|page| page.facts.clone())
-                    .collect::<Vec<_>>(),
-            )
-        })
-        .collect::<Result<Vec<_>, Error>>()?;
+    let facts = facts_of_blocks(&encoded)?;
     let content_id = content_id(
         &metadata_bytes,
         &front,
@@ -224,10 +201,74 @@ pub fn write(
         SectionKind::ColourTiles => &colour_tiles,
         _ => &page_bytes,
     };
-    let mut end = Header::encoded_length(kinds.len() as u32);
+    let bodies: Vec<(SectionKind, &[u8])> = kinds
+        .iter()
+        .map(|&kind| (kind, body_of(kind).as_slice()))
+        .collect();
+    let total = put(content_id, index_start, &bodies, out)?;
+
+    let [geometry, normals, colour] = directory.part_bytes;
+    let [more_geometry, more_normals, more_colour] =
+        clusters.as_ref().map_or([0; 3], |layer| layer.part_bytes);
+    let root_bytes = clusters.as_ref().map_or(0, ClusterLayer::root_bytes);
+    let index = directory_bytes.len() + front.charts.len() + index_bytes.len() + tree.len();
+    Ok(BytesByPart {
+        total,
+        header: Header::encoded_length(kinds.len() as u32) + metadata_bytes.len() as u64,
+        index: index as u64 - root_bytes,
+        geometry: geometry + front.base_parts.geometry + more_geometry,
+        normals: normals + front.base_parts.normals + more_normals,
+        colour: colour
+            + front.base_parts.colours
+            + more_colour
+            + (colour_directory.len() + colour_tiles.len()) as u64,
+    })
+}
+
+fn check_lattice(metadata: &Metadata, lattice: &Lattice) -> Result<(), Error> {
+    if metadata.lattice == *lattice {
+        return Ok(());
+    }
+    Err(Error::Input {
+        rule: "the metadata repeats the lattice",
+        detail: format!("{:?} and {lattice:?}", metadata.lattice),
+    })
+}
+
+/// The sections of a file, in order.
+fn kinds_of(has_clusters: bool, has_colour_tiles: bool) -> Vec<SectionKind> {
+    let mut kinds = if has_clusters {
+        SECTIONS_WITH_CLUSTERS.to_vec()
+    } else {
+        ATLAS_SECTIONS.to_vec()
+    };
+    if has_colour_tiles {
+        kinds.extend([SectionKind::ColourDirectory, SectionKind::ColourTiles]);
+    }
+    kinds
+}
+
+/// The packed facts of every index block.
+fn facts_of_blocks(pages: &[Encoded]) -> Result<Vec<Vec<u8>>, Error> {
+    pages
+        .chunks(BLOCK_PAGES as usize)
+        .map(|block| {
+            let facts: Vec<PageFacts> = block.iter().map(|page| page.facts.clone()).collect();
+            encode_facts(&facts)
+        })
+        .collect()
+}
+
+/// Writes header, table and `bodies` to `out`; the length of the file.
+fn put(
+    content_id: [u8; 16],
+    front_length: u64,
+    bodies: &[(SectionKind, &[u8])],
+    out: &mut dyn std::io::Write,
+) -> Result<u64, Error> {
+    let mut end = Header::encoded_length(bodies.len() as u32);
     let mut sections = Vec::new();
-    for &kind in &kinds {
-        let body = body_of(kind);
+    for &(kind, body) in bodies {
         let range = end..end + body.len() as u64;
         end = range.end;
         let checksum = checksum(&content_id, body);
@@ -249,30 +290,14 @@ pub fn write(
         minor: MINOR,
         file_length: end,
         content_id,
-        front_length: index_start,
+        front_length,
         sections,
     };
     out.write_all(&header.encode()).map_err(Error::Output)?;
-    for &kind in &kinds {
-        out.write_all(body_of(kind)).map_err(Error::Output)?;
+    for (_, body) in bodies {
+        out.write_all(body).map_err(Error::Output)?;
     }
-
-    let [geometry, normals, colour] = directory.part_bytes;
-    let [more_geometry, more_normals, more_colour] =
-        clusters.as_ref().map_or([0; 3], |layer| layer.part_bytes);
-    let root_bytes = clusters.as_ref().map_or(0, ClusterLayer::root_bytes);
-    let index = directory_bytes.len() + front.charts.len() + index_bytes.len() + tree.len();
-    Ok(BytesByPart {
-        total: end,
-        header: Header::encoded_length(kinds.len() as u32) + metadata_bytes.len() as u64,
-        index: index as u64 - root_bytes,
-        geometry: geometry + front.base_parts.geometry + more_geometry,
-        normals: normals + front.base_parts.normals + more_normals,
-        colour: colour
-            + front.base_parts.colours
-            + more_colour
-            + (colour_directory.len() + colour_tiles.len()) as u64,
-    })
+    Ok(end)
 }
 
 /// Order of the sections of a file with clusters: their tree in the front, their pages after the atlas's.

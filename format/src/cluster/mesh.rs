@@ -109,17 +109,17 @@ pub(crate) fn decode(coding: Coding, counts: Counts, bytes: &[u8]) -> Result<Clu
         let vertex = usize::from(corner);
         if vertex == mesh.positions.len() {
             let code = |component: usize| {
-                (0..streams.planes).fold(0u32, |code, plane| {
-                    let index = plane
-                        .saturating_mul(3)
-                        .saturating_add(component)
-                        .saturating_mul(vertices)
-                        .saturating_add(vertex);
-                    let byte = positions.get(index).copied().unwrap_or_default();
-                    code | u32::from(byte)
-                        .checked_shl((plane as u32).saturating_mul(8))
-                        .unwrap_or(0)
-                })
+                (0..streams.planes)
+                    .zip([0, 8, 16])
+                    .fold(0, |code, (plane, shift)| {
+                        let index = plane
+                            .saturating_mul(3)
+                            .saturating_add(component)
+                            .saturating_mul(vertices)
+                            .saturating_add(vertex);
+                        let byte = positions.get(index).copied().unwrap_or_default();
+                        code | u32::from(byte) << shift
+                    })
             };
             let byte = |stream: &[u8], component: usize| {
                 let index = component.saturating_mul(vertices).saturating_add(vertex);
@@ -212,23 +212,22 @@ pub(crate) fn in_order(mesh: &ClusterMesh) -> Option<ClusterMesh> {
         let mut corners = [0u8; 3];
         for (corner, &vertex) in corners.iter_mut().zip(triangle) {
             let slot = numbers.get_mut(usize::from(vertex))?;
-            *corner = match *slot {
-                Some(number) => number,
-                None => {
-                    let number = u8::try_from(ordered.positions.len()).ok()?;
+            *corner = if let Some(number) = *slot {
+                number
+            } else {
+                let number = u8::try_from(ordered.positions.len()).ok()?;
+                ordered
+                    .positions
+                    .push(*mesh.positions.get(usize::from(vertex))?);
+                ordered
+                    .normals
+                    .push(*mesh.normals.get(usize::from(vertex))?);
+                if !mesh.colours.is_empty() {
                     ordered
-                        .positions
-                        .push(*mesh.positions.get(usize::from(vertex))?);
-                    ordered
-                        .normals
-                        .push(*mesh.normals.get(usize::from(vertex))?);
-                    if !mesh.colours.is_empty() {
-                        ordered
-                            .colours
-                            .push(*mesh.colours.get(usize::from(vertex))?);
-                    }
-                    *slot.insert(number)
+                        .colours
+                        .push(*mesh.colours.get(usize::from(vertex))?);
                 }
+                *slot.insert(number)
             };
         }
         ordered.triangles.push(corners);

@@ -202,9 +202,9 @@ fn bounds_of(nodes: &[Node<'_>]) -> Vec<Bounds> {
         let mesh = &node.input.mesh;
         let corners = mesh.triangles.iter().flatten();
         for point in corners.filter_map(|&corner| mesh.positions.get(usize::from(corner))) {
-            for axis in 0..3 {
-                bounds.min[axis] = bounds.min[axis].min(point[axis]);
-                bounds.max[axis] = bounds.max[axis].max(point[axis]);
+            for ((min, max), &c) in bounds.min.iter_mut().zip(&mut bounds.max).zip(point) {
+                *min = c.min(*min);
+                *max = c.max(*max);
             }
         }
         bounds

@@ -234,6 +234,7 @@ fn compare(
             place,
             sides: packed,
             morph: _,
+            tiles: _,
         } = Instance::new(leaf, slot, morph, sides);
         calls.push(Call {
             place,

@@ -72,7 +72,7 @@ export interface MarquetryViewerEventMap extends HTMLElementEventMap {
   measure: CustomEvent<Measurement>;
 }
 
-export type Shade = "lit" | "normal" | "lod" | "wire";
+export type Shade = "lit" | "normal" | "lod" | "wire" | "unlit";
 export type Transition = "none" | "alpha" | "dither" | "geomorph";
 export type State = "empty" | "loading" | "ready" | "settled" | "failed";
 

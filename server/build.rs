@@ -1,6 +1,7 @@
-//! Embeds the web build (`cargo xtask web`), if there is one, as a table of paths and bytes.
+//! Embeds the web build (`cargo xtask web`), if there is one, as a table of paths and bytes, plain and compressed.
 
 use std::fmt::Write as _;
+use std::io::Write as _;
 use std::path::{Path, PathBuf};
 use std::{env, fs, io};
 
@@ -20,14 +21,39 @@ fn main() -> io::Result<()> {
         collect(&dist, "", &mut files)?;
     }
     files.sort();
-    let mut table = String::from("pub(super) static FILES: &[(&str, &[u8])] = &[\n");
-    for (name, path) in files {
+    let mut table = String::from(
+        "/// Path, plain bytes, Zstandard, gzip; the latter two empty where they gain nothing.\n\
+         type Stored = (&'static str, &'static [u8], &'static [u8], &'static [u8]);\n\
+         pub(super) static FILES: &[Stored] = &[\n",
+    );
+    for (number, (name, path)) in files.into_iter().enumerate() {
         let path = path.canonicalize()?;
+        let plain = fs::read(&path)?;
         let path = path.to_str().ok_or(io::ErrorKind::InvalidFilename)?;
-        let _ = writeln!(table, "    ({name:?}, include_bytes!({path:?})),");
+        let _ = write!(table, "    ({name:?}, include_bytes!({path:?})");
+        for (extension, bytes) in [
+            ("zst", zstd::encode_all(&*plain, 19)?),
+            ("gz", gzip(&plain)?),
+        ] {
+            if bytes.len() < plain.len() * 95 / 100 {
+                let path = out.join(format!("{number}.{extension}"));
+                fs::write(&path, bytes)?;
+                let path = path.to_str().ok_or(io::ErrorKind::InvalidFilename)?;
+                let _ = write!(table, ", include_bytes!({path:?})");
+            } else {
+                table.push_str(", &[]");
+            }
+        }
+        table.push_str("),\n");
     }
     table.push_str("];\n");
     fs::write(out.join("web_build.rs"), table)
+}
+
+fn gzip(bytes: &[u8]) -> io::Result<Vec<u8>> {
+    let mut encoder = flate2::write::GzEncoder::new(Vec::new(), flate2::Compression::best());
+    encoder.write_all(bytes)?;
+    encoder.finish()
 }
 
 /// Adds all files below `folder` with their paths, `/` between the parts.

@@ -19,6 +19,7 @@ mod verify;
 mod view;
 
 use clap::Parser;
+use marquetry_server::config::{Log, LogFormat};
 use output::{JsonTarget, Output};
 use std::num::NonZeroUsize;
 use std::process::ExitCode;
@@ -72,7 +73,11 @@ enum Verdict {
 pub(crate) fn run() -> ExitCode {
     // Prints usage errors and exits with 2 by itself.
     let Cli { command, common } = Cli::parse();
-    start_logging();
+    let log = match &command {
+        Command::Serve(arguments) => arguments.log(),
+        _ => Log::default(),
+    };
+    start_logging(log);
     match panics::caught(|| dispatch(command, &common)) {
         Ok(Ok(Verdict::Good)) => ExitCode::SUCCESS,
         Ok(Ok(Verdict::Bad)) => ExitCode::FAILURE,
@@ -105,20 +110,28 @@ fn dispatch(command: Command, common: &Common) -> anyhow::Result<Verdict> {
         Command::Measure(arguments) => measure::run(&arguments, &output),
         Command::Export(arguments) => export::run(&arguments, &output),
         Command::Render(arguments) => render::run(&arguments, &output),
-        Command::Serve(arguments) => serve::run(arguments, common, &output),
+        Command::Serve(arguments) => serve::run(&arguments, common, &output),
         Command::View(arguments) => view::run(&arguments),
     }
 }
 
 /// Warnings and worse go to standard error; the variable `RUST_LOG` asks for more.
-fn start_logging() {
-    let filter = tracing_subscriber::EnvFilter::try_from_default_env()
-        .unwrap_or_else(|_| "warn,wgpu_core=error,wgpu_hal=error,naga=error".into());
-    tracing_subscriber::fmt()
+fn start_logging(log: Log) {
+    let filter = tracing_subscriber::EnvFilter::try_from_default_env().unwrap_or_else(|_| {
+        let requests = if log.requests {
+            ",marquetry::requests=info"
+        } else {
+            ""
+        };
+        format!("warn,wgpu_core=error,wgpu_hal=error,naga=error{requests}").into()
+    });
+    let lines = tracing_subscriber::fmt()
         .with_env_filter(filter)
-        .with_writer(std::io::stderr)
-        .with_target(false)
-        .init();
+        .with_writer(std::io::stderr);
+    match log.format {
+        LogFormat::Text => lines.with_target(false).init(),
+        LogFormat::Json => lines.json().flatten_event(true).init(),
+    }
 }
 
 #[cfg(test)]
@@ -170,6 +183,9 @@ mod tests {
             "marquetry render a.marq -o a.png --error-px -1",
             "marquetry render a.marq -o a.png --background red",
             "marquetry serve",
+            "marquetry serve a.marq --tls-key k.pem",
+            "marquetry serve a.marq --valid soon",
+            "marquetry serve a.marq --log-format xml",
         ] {
             let error = Cli::try_parse_from(line.split(' ')).unwrap_err();
             assert_eq!(error.exit_code(), 2, "{line}");

@@ -1,282 +1,439 @@
-//! What is served: named files, and the `.marq` files found in folders.
+//! What is served: named files, the `.marq` files found in folders, and objects of remote stores.
 //!
-//! A name is a path relative to the served folder, `/` between its parts and without the extension; see
-//! [`FileName`]. Every look-up asks the file system for the file's [`Version`] and opens it anew when
-//! that changed, so a replaced file is served from the next request on, while responses under way keep
-//! the handle they began with.
+//! A name is a path relative to the served folder or prefix, `/` between its parts and without the extension; see
+//! [`FileName`]. A look-up asks the file system for the file's version, each time, and an object store at most every
+//! few seconds. A file that changed is opened anew, so a replaced one is served from the next request on, while
+//! responses under way keep the version they began with. A file that is not yet written to its end does not open, and
+//! is tried again once it has changed.
 //!
-//! Limit: a symbolic link is followed only where it stays inside the served folder; whoever can change
-//! that folder *between* the check and the opening can get round it.
+//! Folders are thus watched by looking, not by events: this works on network file systems and in containers too, and
+//! nothing is listed that was not just seen.
 
-mod file;
+mod cache;
+mod local;
 mod name;
+mod open_file;
+mod remote;
+mod roots;
 mod scan;
 
-pub(crate) use file::{OpenFile, PagesError};
 pub(crate) use name::FileName;
+pub(crate) use open_file::{Facts, OpenFile, PagesError};
 
+use crate::config::Upstream;
 use crate::error::ServerError;
-use file::Version;
-use std::collections::BTreeMap;
-use std::path::{Path, PathBuf};
-use std::sync::{Arc, Mutex, PoisonError};
+use crate::metrics::Metrics;
+use cache::BlockCache;
+use futures_util::StreamExt;
+use futures_util::future::{BoxFuture, FutureExt, Shared};
+use hyper::body::Bytes;
+use marquetry_format::Error;
+use remote::RemoteVersion;
+use roots::{Place, Root};
+use std::collections::{BTreeMap, HashMap};
+use std::ops::Range;
+use std::path::PathBuf;
+use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError, RwLock};
+use std::time::{Duration, Instant};
 
-/// Open files kept for the next request; each holds a handle, its charts and the index read so far.
-const KEPT_OPEN: usize = 64;
+/// Files kept open for the next request; each holds a handle, its charts and the index read so far.
+const KEPT_OPEN: usize = 256;
+/// Names remembered that no remote source has, so that asking for them again costs nothing.
+const KEPT_MISSING: usize = 10_000;
+/// Files opened at once for a catalogue.
+const OPENED_AT_ONCE: usize = 8;
+/// Bytes of a file's sidecar.
+const MAX_ABOUT: u64 = 64 * 1024;
 
-/// Everything that is served. Its methods block on the disk.
-#[derive(Debug)]
-pub(crate) struct Sources {
-    roots: Vec<Root>,
-    kept: Mutex<Kept>,
+/// Bytes cannot be had.
+#[derive(Debug, Clone, thiserror::Error)]
+pub(crate) enum ReadError {
+    #[error("the file was changed while it was read")]
+    Changed,
+    #[error("bytes {}..{} of {length}", range.start, range.end)]
+    OutOfRange { range: Range<u64>, length: u64 },
+    #[error("{0}")]
+    Io(Arc<std::io::Error>),
+    #[error("{0}")]
+    Upstream(Arc<object_store::Error>),
+    #[error("upstream gave no answer in time")]
+    TimedOut,
+    #[error(
+        "upstream gives neither a strong entity tag nor a date, so versions cannot be told apart"
+    )]
+    NoVersion,
+    #[error("{0}")]
+    Corrupt(Arc<Error>),
+    #[error("the task was interrupted")]
+    Interrupted,
 }
 
-#[derive(Debug)]
-enum Root {
-    /// One file, under its own name.
-    File { name: FileName, path: PathBuf },
-    /// All `.marq` files below a folder; the path is canonical.
-    Folder(PathBuf),
-}
-
-/// What was learnt of files, by path.
-#[derive(Debug, Default)]
-struct Kept {
-    /// Open files with the time of their last use, in look-ups.
-    open: BTreeMap<PathBuf, (u64, Arc<OpenFile>)>,
-    look_ups: u64,
-    /// What the catalogue says of each version; `None` for a file that cannot be served.
-    facts: BTreeMap<PathBuf, (Version, Option<Arc<Facts>>)>,
-}
-
-/// What the catalogue says of a file.
-#[derive(Debug)]
-pub(crate) struct Facts {
-    pub(crate) bytes: u64,
-    pub(crate) content_id: String,
-    pub(crate) metadata: marquetry_format::Metadata,
+impl From<std::io::Error> for ReadError {
+    fn from(error: std::io::Error) -> Self {
+        Self::Io(Arc::new(error))
+    }
 }
 
 /// No file could be opened by a name.
-#[derive(Debug, thiserror::Error)]
+#[derive(Debug, Clone, thiserror::Error)]
 pub(crate) enum LookUpError {
     #[error("no such file")]
     Unknown,
-    #[error("{}: {source}", path.display())]
+    #[error("{place}: {source}")]
     Unusable {
-        path: PathBuf,
-        source: marquetry_format::Error,
+        place: String,
+        source: ReadError,
+        /// Whether it was logged before.
+        old: bool,
     },
 }
 
+type LookUp = Result<Arc<OpenFile>, LookUpError>;
+type Judged = (Version, Option<Arc<Facts>>);
+type Flight = Shared<BoxFuture<'static, LookUp>>;
+
+/// Everything that is served.
+#[derive(Debug)]
+pub(crate) struct Sources {
+    roots: Vec<Root>,
+    refresh: Duration,
+    known: RwLock<HashMap<String, Arc<Known>>>,
+    /// Remote look-ups under way, by name.
+    flights: Mutex<HashMap<String, Flight>>,
+    /// What the catalogue says of each version; nothing of one that cannot be served.
+    facts: Mutex<BTreeMap<Place, Judged>>,
+    clock: AtomicU64,
+    start: Instant,
+}
+
+/// What is known of a name.
+#[derive(Debug)]
+struct Known {
+    what: What,
+    place: Option<Place>,
+    /// When upstream was last asked, milliseconds after the start.
+    asked: AtomicU64,
+    /// Number of the look-up that used it last.
+    used: AtomicU64,
+}
+
+#[derive(Debug)]
+enum What {
+    Open(Arc<OpenFile>),
+    /// This version cannot be served.
+    Unusable(Version, ReadError),
+    /// No remote source has it.
+    Missing,
+}
+
+/// What tells one version from the next.
+#[derive(Debug, Clone, PartialEq)]
+enum Version {
+    Local(local::Version),
+    Remote(RemoteVersion),
+}
+
+impl OpenFile {
+    fn version(&self) -> Option<Version> {
+        self.as_local()
+            .map(|file| Version::Local(file.version()))
+            .or_else(|| self.remote_version().cloned().map(Version::Remote))
+    }
+}
+
 impl Sources {
-    /// Takes the paths to serve; every file named here must open.
-    pub(crate) fn new(paths: &[PathBuf]) -> Result<Self, ServerError> {
-        let roots = paths
-            .iter()
-            .map(|path| Root::new(path))
-            .collect::<Result<_, _>>()?;
+    /// Takes the paths and URLs to serve; every file on disk that is named here must open.
+    pub(crate) async fn new(
+        paths: &[PathBuf],
+        upstream: &Upstream,
+        metrics: &Arc<Metrics>,
+    ) -> Result<Self, ServerError> {
+        let cache = Arc::new(BlockCache::new(upstream.cache, Arc::clone(metrics)));
+        let mut roots = Vec::new();
+        for path in paths {
+            roots.push(Root::new(path, upstream, &cache, metrics).await?);
+        }
         Ok(Self {
             roots,
-            kept: Mutex::default(),
+            refresh: upstream.refresh,
+            known: RwLock::default(),
+            flights: Mutex::default(),
+            facts: Mutex::default(),
+            clock: AtomicU64::new(0),
+            start: Instant::now(),
         })
     }
 
-    /// The current version of the file called `name`.
-    pub(crate) fn open(&self, name: &FileName) -> Result<Arc<OpenFile>, LookUpError> {
-        let path = self
-            .roots
+    /// The current version of the file called `name`, with or without the extension.
+    pub(crate) async fn open(self: &Arc<Self>, name: &str) -> LookUp {
+        match self.open_now(name) {
+            Some(file) => Ok(file),
+            None => self.open_later(name).await,
+        }
+    }
+
+    /// As [`Sources::open`], where nothing has to be waited for: the file is open, and unchanged.
+    pub(crate) fn open_now(&self, name: &str) -> Option<Arc<OpenFile>> {
+        let name = name.strip_suffix(name::EXTENSION).unwrap_or(name);
+        let known = self.known.read().unwrap_or_else(PoisonError::into_inner);
+        let known = Arc::clone(known.get(name)?);
+        let What::Open(file) = &known.what else {
+            return None;
+        };
+        let current = match known.place.as_ref()? {
+            Place::Local(path) => {
+                file.as_local()?.version() == local::Version::of_path(path).ok()?
+            }
+            Place::Remote(..) => self.is_fresh(&known),
+        };
+        if !current {
+            return None;
+        }
+        known.used.store(self.clock.fetch_add(1, Relaxed), Relaxed);
+        Some(Arc::clone(file))
+    }
+
+    fn now_ms(&self) -> u64 {
+        u64::try_from(self.start.elapsed().as_millis()).unwrap_or(u64::MAX)
+    }
+
+    fn is_fresh(&self, known: &Known) -> bool {
+        let age = self.now_ms().saturating_sub(known.asked.load(Relaxed));
+        u128::from(age) < self.refresh.as_millis()
+    }
+
+    async fn open_later(self: &Arc<Self>, name: &str) -> LookUp {
+        let name = FileName::parse(name).ok_or(LookUpError::Unknown)?;
+        let key = name.to_string();
+        if let Some(known) = self.known(&key)
+            && matches!(known.what, What::Missing)
+            && self.is_fresh(&known)
+            && !self.on_disk(&name)
+        {
+            return Err(LookUpError::Unknown);
+        }
+        let flight = {
+            let mut flights = lock(&self.flights);
+            if let Some(flight) = flights.get(&key) {
+                flight.clone()
+            } else {
+                let (sources, text) = (Arc::clone(self), key.clone());
+                // A task of its own: a client that hangs up does not undo what the next one waits for.
+                let task = tokio::spawn(async move {
+                    let result = sources.look_up(&name).await;
+                    lock(&sources.flights).remove(&text);
+                    result
+                });
+                let flight = async {
+                    task.await.unwrap_or_else(|_| {
+                        Err(LookUpError::Unusable {
+                            place: "look-up".to_owned(),
+                            source: ReadError::Interrupted,
+                            old: false,
+                        })
+                    })
+                }
+                .boxed()
+                .shared();
+                flights.insert(key, flight.clone());
+                flight
+            }
+        };
+        flight.await
+    }
+
+    fn known(&self, name: &str) -> Option<Arc<Known>> {
+        let known = self.known.read().unwrap_or_else(PoisonError::into_inner);
+        known.get(name).cloned()
+    }
+
+    fn on_disk(&self, name: &FileName) -> bool {
+        self.roots
             .iter()
-            .find_map(|root| root.path_of(name))
-            .ok_or(LookUpError::Unknown)?;
-        self.open_path(&path)
-            .map_err(|source| LookUpError::Unusable { path, source })
+            .any(|root| root.path_of(name).is_some_and(|path| path.exists()))
+    }
+
+    /// Goes through the roots in order.
+    async fn look_up(&self, name: &FileName) -> LookUp {
+        let known = self.known(&name.to_string());
+        for root in &self.roots {
+            let Some(place) = root.place_of(name) else {
+                continue;
+            };
+            let failed = |source, old| LookUpError::Unusable {
+                place: place.to_string(),
+                source,
+                old,
+            };
+            let version = match root.version_at(&place).await {
+                Ok(Some(version)) => version,
+                Ok(None) => continue,
+                Err(error) => {
+                    // What is served already stays in service while upstream does not answer.
+                    if let Some(known) = &known
+                        && known.place.as_ref() == Some(&place)
+                        && let What::Open(file) = &known.what
+                        && file.as_local().is_none()
+                    {
+                        tracing::warn!(%place, %error, "upstream cannot be asked; the version known goes on");
+                        known.asked.store(self.now_ms(), Relaxed);
+                        return Ok(Arc::clone(file));
+                    }
+                    return Err(failed(error, false));
+                }
+            };
+            if let Some(known) = &known
+                && known.place.as_ref() == Some(&place)
+            {
+                match &known.what {
+                    What::Open(file) if file.version().as_ref() == Some(&version) => {
+                        known.asked.store(self.now_ms(), Relaxed);
+                        return Ok(Arc::clone(file));
+                    }
+                    What::Unusable(bad, error) if *bad == version => {
+                        return Err(failed(error.clone(), true));
+                    }
+                    _ => {}
+                }
+            }
+            return match root.open(&place, &version).await {
+                Ok(Some(file)) => {
+                    let file = Arc::new(file);
+                    self.keep(name, Some(place), What::Open(Arc::clone(&file)));
+                    Ok(file)
+                }
+                Ok(None) => continue,
+                Err(error) => {
+                    // An upstream that fails may recover; a file that is wrong stays so until it changes.
+                    if matches!(error, ReadError::Corrupt(_)) {
+                        let what = What::Unusable(version, error.clone());
+                        self.keep(name, Some(place.clone()), what);
+                    }
+                    Err(failed(error, false))
+                }
+            };
+        }
+        if self.roots.iter().any(Root::is_remote) {
+            self.keep(name, None, What::Missing);
+        } else {
+            let mut known = self.known.write().unwrap_or_else(PoisonError::into_inner);
+            known.remove(&name.to_string());
+        }
+        Err(LookUpError::Unknown)
+    }
+
+    fn keep(&self, name: &FileName, place: Option<Place>, what: What) {
+        let new = Known {
+            what,
+            place,
+            asked: AtomicU64::new(self.now_ms()),
+            used: AtomicU64::new(self.clock.fetch_add(1, Relaxed)),
+        };
+        let mut known = self.known.write().unwrap_or_else(PoisonError::into_inner);
+        known.insert(name.to_string(), Arc::new(new));
+        for (limit, open) in [(KEPT_OPEN, true), (KEPT_MISSING, false)] {
+            let of_kind = |known: &Known| matches!(known.what, What::Open(_)) == open;
+            let count = known.values().filter(|known| of_kind(known)).count();
+            if count > limit {
+                let oldest = (known.iter())
+                    .filter(|(_, known)| of_kind(known))
+                    .min_by_key(|(_, known)| known.used.load(Relaxed));
+                if let Some(name) = oldest.map(|(name, _)| name.clone()) {
+                    known.remove(&name);
+                }
+            }
+        }
+    }
+
+    /// Takes note that a read found `file` changed: the next look-up asks upstream, however fresh it seems.
+    pub(crate) fn doubt(&self, name: &str) {
+        let name = name.strip_suffix(name::EXTENSION).unwrap_or(name);
+        let mut known = self.known.write().unwrap_or_else(PoisonError::into_inner);
+        known.remove(name);
     }
 
     /// All files that can be served, by name. One that cannot is logged, once a version.
-    pub(crate) fn list(&self) -> BTreeMap<FileName, Arc<Facts>> {
+    pub(crate) async fn list(self: &Arc<Self>) -> BTreeMap<FileName, Arc<Facts>> {
         let mut found = BTreeMap::new();
         for root in &self.roots {
-            for (name, path) in root.files() {
-                if found.contains_key(&name) {
-                    continue;
+            let files = match root.list().await {
+                Ok(files) => files,
+                Err(error) => {
+                    tracing::warn!(source = root.label(), %error, "cannot be listed");
+                    self.opened_from(root)
                 }
-                if let Some(facts) = self.facts(&path) {
-                    found.insert(name, facts);
-                }
+            };
+            let facts = futures_util::stream::iter(files.into_iter().map(
+                async |(name, place, version)| {
+                    let facts = self.facts(root, &place, version).await?;
+                    Some((name, facts))
+                },
+            ))
+            .buffer_unordered(OPENED_AT_ONCE)
+            .collect::<Vec<_>>()
+            .await;
+            for (name, facts) in facts.into_iter().flatten() {
+                found.entry(name).or_insert(facts);
             }
         }
         found
     }
 
-    fn facts(&self, path: &Path) -> Option<Arc<Facts>> {
-        let version = Version::of_path(path).ok()?;
-        if let Some((known, facts)) = self.kept().facts.get(path)
+    /// The files of a root that cannot be listed which somebody asked for already.
+    fn opened_from(&self, root: &Root) -> Vec<(FileName, Place, Version)> {
+        let known = self.known.read().unwrap_or_else(PoisonError::into_inner);
+        (known.iter())
+            .filter_map(|(name, known)| {
+                let name = FileName::parse(name)?;
+                let place = known.place.clone()?;
+                let What::Open(file) = &known.what else {
+                    return None;
+                };
+                (root.place_of(&name).as_ref() == Some(&place)).then_some((
+                    name,
+                    place,
+                    file.version()?,
+                ))
+            })
+            .collect()
+    }
+
+    async fn facts(&self, root: &Root, place: &Place, version: Version) -> Option<Arc<Facts>> {
+        if let Some((known, facts)) = lock(&self.facts).get(place)
             && *known == version
         {
             return facts.clone();
         }
-        let facts = match self.open_path(path) {
-            Ok(file) => Some(Arc::new(file.facts())),
+        let facts = match root.open(place, &version).await {
+            Ok(file) => Some(Arc::new(file?.facts())),
             Err(error) => {
-                tracing::warn!(path = %path.display(), %error, "not served");
+                tracing::warn!(%place, %error, "not served");
+                if !matches!(error, ReadError::Corrupt(_)) {
+                    return None;
+                }
                 None
             }
         };
-        self.kept()
-            .facts
-            .insert(path.to_owned(), (version, facts.clone()));
+        lock(&self.facts).insert(place.clone(), (version, facts.clone()));
         facts
     }
 
-    /// Opens, or takes what is open if the file has not changed since.
-    fn open_path(&self, path: &Path) -> Result<Arc<OpenFile>, marquetry_format::Error> {
-        let version = Version::of_path(path).map_err(marquetry_format::SourceError::from)?;
-        if let Some(file) = self.kept().recall(path, version) {
-            return Ok(file);
-        }
-        // Without the lock: two requests may open the same file, which costs time but harms nothing.
-        let file = Arc::new(OpenFile::open(path)?);
-        self.kept().keep(path, &file);
-        Ok(file)
-    }
-
-    fn kept(&self) -> std::sync::MutexGuard<'_, Kept> {
-        // The map is valid after every single operation on it, so a panic elsewhere does no harm.
-        self.kept.lock().unwrap_or_else(PoisonError::into_inner)
-    }
-}
-
-impl Kept {
-    fn recall(&mut self, path: &Path, version: Version) -> Option<Arc<OpenFile>> {
-        self.look_ups += 1;
-        let (used, file) = self.open.get_mut(path)?;
-        *used = self.look_ups;
-        (file.version() == version).then(|| Arc::clone(file))
-    }
-
-    fn keep(&mut self, path: &Path, file: &Arc<OpenFile>) {
-        self.open
-            .insert(path.to_owned(), (self.look_ups, Arc::clone(file)));
-        while self.open.len() > KEPT_OPEN {
-            let oldest = self.open.iter().min_by_key(|(_, (used, _))| *used);
-            let Some(path) = oldest.map(|(path, _)| path.clone()) else {
-                break;
-            };
-            self.open.remove(&path);
-        }
-    }
-}
-
-impl Root {
-    fn new(path: &Path) -> Result<Self, ServerError> {
-        let error = |source| ServerError::Path {
-            path: path.to_owned(),
-            source,
-        };
-        if std::fs::metadata(path).map_err(error)?.is_dir() {
-            return path.canonicalize().map(Self::Folder).map_err(error);
-        }
-        let name = path
-            .file_name()
-            .and_then(|name| name.to_str())
-            .filter(|name| name.ends_with(name::EXTENSION))
-            .and_then(FileName::parse)
-            .ok_or_else(|| ServerError::Kind {
-                path: path.to_owned(),
-            })?;
-        OpenFile::open(path).map_err(|source| ServerError::File {
-            path: path.to_owned(),
-            source,
-        })?;
-        let path = std::path::absolute(path).map_err(error)?;
-        Ok(Self::File { name, path })
-    }
-
-    fn path_of(&self, wanted: &FileName) -> Option<PathBuf> {
-        match self {
-            Self::File { name, path } => (name == wanted).then(|| path.clone()),
-            Self::Folder(folder) => {
-                let path = folder.join(wanted.relative_path()).canonicalize().ok()?;
-                (path.starts_with(folder) && path.is_file()).then_some(path)
+    /// What stands beside the file called `name`: `NAME.json`.
+    pub(crate) async fn about(&self, name: &FileName) -> Option<Bytes> {
+        for root in &self.roots {
+            if let Some(about) = root.about(name, MAX_ABOUT).await {
+                return Some(about);
             }
         }
+        None
     }
+}
 
-    fn files(&self) -> Vec<(FileName, PathBuf)> {
-        match self {
-            Self::File { name, path } => vec![(name.clone(), path.clone())],
-            Self::Folder(folder) => scan::marq_files(folder),
-        }
-    }
+fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+    // What these hold is valid after every single operation.
+    mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-
-    fn name(text: &str) -> FileName {
-        FileName::parse(text).unwrap()
-    }
-
-    #[test]
-    fn folders_give_only_what_lies_inside_them() {
-        let outer = tempfile::tempdir().unwrap();
-        let folder = outer.path().join("served");
-        std::fs::create_dir_all(folder.join("sub")).unwrap();
-        std::fs::write(folder.join("sub/a.marq"), b"x").unwrap();
-        std::fs::write(folder.join("not_served.txt"), b"x").unwrap();
-        std::fs::write(outer.path().join("secret.marq"), b"x").unwrap();
-        let root = Root::new(&folder).unwrap();
-        assert!(root.path_of(&name("sub/a.marq")).is_some());
-        assert!(root.path_of(&name("sub")).is_none());
-        assert!(root.path_of(&name("b.marq")).is_none());
-        #[cfg(unix)]
-        {
-            use std::os::unix::fs::symlink;
-            symlink(outer.path().join("secret.marq"), folder.join("out.marq")).unwrap();
-            symlink(outer.path(), folder.join("up")).unwrap();
-            symlink(folder.join("sub/a.marq"), folder.join("in.marq")).unwrap();
-            assert!(root.path_of(&name("out.marq")).is_none());
-            assert!(root.path_of(&name("up/secret.marq")).is_none());
-            assert!(root.path_of(&name("in.marq")).is_some());
-        }
-    }
-
-    #[test]
-    fn a_file_that_is_no_marq_is_refused_at_start_and_skipped_in_a_folder() {
-        let folder = tempfile::tempdir().unwrap();
-        let path = folder.path().join("a.marq");
-        std::fs::write(&path, b"not a marq file").unwrap();
-        assert!(matches!(
-            Sources::new(std::slice::from_ref(&path)),
-            Err(ServerError::File { .. })
-        ));
-        let sources = Sources::new(&[folder.path().to_owned()]).unwrap();
-        assert!(sources.list().is_empty());
-        assert!(matches!(
-            sources.open(&name("a")),
-            Err(LookUpError::Unusable { .. })
-        ));
-        assert!(matches!(
-            sources.open(&name("b")),
-            Err(LookUpError::Unknown)
-        ));
-    }
-
-    #[test]
-    fn what_is_neither_file_nor_folder_is_refused() {
-        let folder = tempfile::tempdir().unwrap();
-        let missing = folder.path().join("missing.marq");
-        assert!(matches!(
-            Sources::new(&[missing]),
-            Err(ServerError::Path { .. })
-        ));
-        let other = folder.path().join("mesh.ply");
-        std::fs::write(&other, b"ply").unwrap();
-        assert!(matches!(
-            Sources::new(&[other]),
-            Err(ServerError::Kind { .. })
-        ));
-    }
-}
+mod tests;

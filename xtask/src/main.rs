@@ -5,6 +5,7 @@
 
 mod bless;
 mod browser;
+mod conformance;
 mod demo;
 mod layering;
 mod package;
@@ -13,12 +14,14 @@ mod project;
 mod setup;
 mod steps;
 mod test;
+mod tools;
+mod traffic;
 mod wasm;
 mod web;
 
-use anyhow::{Result, bail};
+use anyhow::{Context, Result, bail};
 use project::Project;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 const USAGE: &str = "\
@@ -29,7 +32,13 @@ usage: cargo xtask COMMAND
   web           build the viewer for the browser into web-viewer/web/dist, and its npm package
   browser       only the browser test, on what is built
   layering      check that the crates know only whom they may
-  bless         write the golden files anew from the present code";
+  bless         write the golden files anew from the present code
+  setup-tests   install what tests of the server need: an S3 server and HTTP checkers, from PyPI
+  bench-server [FILE]
+                throughput beside nginx, slow clients, 10 000 idle connections (5 minutes)
+  soak [REQUESTS]
+                a million requests while sources fail and the server is killed
+  conformance   HTTP/2 and header checks of the server by other people's tools";
 
 fn main() -> ExitCode {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
@@ -52,6 +61,21 @@ fn dispatch(arguments: &[String]) -> Result<ExitCode> {
         ["web"] => web::build(&Project::locate()?).map(done),
         ["browser"] => browser::run(&Project::locate()?).map(done),
         ["layering"] => layering::check(&Project::locate()?).map(done),
+        ["setup-tests"] => setup::ensure(&[setup::Need::Python])
+            .and_then(|()| tools::install(&Project::locate()?))
+            .map(done),
+        ["bench-server"] => traffic::bench::run(&Project::locate()?, None).map(done),
+        ["bench-server", file] => {
+            traffic::bench::run(&Project::locate()?, Some(Path::new(file))).map(done)
+        }
+        ["soak"] => traffic::soak::run(&Project::locate()?, traffic::soak::REQUESTS).map(done),
+        ["soak", requests] => {
+            let requests = requests
+                .parse()
+                .context("soak takes a number of requests")?;
+            traffic::soak::run(&Project::locate()?, requests).map(done)
+        }
+        ["conformance"] => conformance::run(&Project::locate()?).map(done),
         ["bless"] => bless::run(&Project::locate()?).map(done),
         ["help" | "--help" | "-h"] => {
             println!("{USAGE}");

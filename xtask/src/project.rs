@@ -40,9 +40,12 @@ impl Project {
         })
     }
 
-    /// The release build of the `marquetry` binary.
+    /// The release build of the `marquetry` binary, or what `MARQUETRY_BINARY` names.
     pub(crate) fn binary(&self) -> PathBuf {
-        self.target.join("release").join("marquetry")
+        match std::env::var_os("MARQUETRY_BINARY") {
+            Some(path) => PathBuf::from(path),
+            None => self.target.join("release").join("marquetry"),
+        }
     }
 
     /// Where the browser build is put.

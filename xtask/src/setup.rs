@@ -28,6 +28,10 @@ pub(crate) enum Need {
     Chromium,
     /// A compiler for wasm32.
     Wasm,
+    /// A web server to compare with.
+    Nginx,
+    /// Python with its environments.
+    Python,
 }
 
 impl Need {
@@ -38,6 +42,12 @@ impl Need {
             Self::Vulkan => has_vulkan(),
             Self::Chromium => chromium().is_some(),
             Self::Wasm => wasm::Toolchain::find().is_some(),
+            Self::Nginx => {
+                process::find("nginx").is_some() || Path::new("/usr/sbin/nginx").is_file()
+            }
+            Self::Python => {
+                process::succeeds(Command::new("python3").args(["-c", "import venv, ensurepip"]))
+            }
         }
     }
 
@@ -48,6 +58,8 @@ impl Need {
             Self::Vulkan => &["libvulkan1", "mesa-vulkan-drivers"],
             Self::Chromium => &["chromium"],
             Self::Wasm => &wasm::PACKAGES,
+            Self::Nginx => &["nginx"],
+            Self::Python => &["python3", "python3-venv"],
         }
     }
 }

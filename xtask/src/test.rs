@@ -3,7 +3,7 @@
 use crate::setup::{self, Need};
 use crate::steps::{Outcome, Steps};
 use crate::wasm::Toolchain;
-use crate::{browser, layering, process, project::Project, web};
+use crate::{browser, conformance, layering, process, project::Project, tools, web};
 use anyhow::{Context, Result};
 use std::process::{Command, ExitCode};
 
@@ -58,7 +58,17 @@ pub(crate) fn run(project: &Project) -> ExitCode {
     } else {
         steps.cannot_run("browser", if built { "set-up" } else { "native build" });
     }
-    steps.run("fuzz", "8 min", || fuzz(project));
+    if built && set_up {
+        steps.run("HTTP conformance", "1 min", || {
+            conformance::run(project).map(passed)
+        });
+    } else {
+        steps.cannot_run(
+            "HTTP conformance",
+            if built { "set-up" } else { "native build" },
+        );
+    }
+    steps.run("fuzz", "9 min", || fuzz(project));
     steps.finish()
 }
 
@@ -91,8 +101,10 @@ fn set_up(project: &Project) -> Result<Outcome> {
         Need::Vulkan,
         Need::Chromium,
         Need::Wasm,
+        Need::Python,
     ])?;
     setup::npm(&project.browser_test())?;
+    tools::install(project)?;
     Ok(Outcome::Passed)
 }
 
@@ -166,7 +178,7 @@ fn fuzz(project: &Project) -> Result<Outcome> {
         }
     }
     let limit = format!("-max_total_time={FUZZ_SECONDS}");
-    for package in ["format", "converter"] {
+    for package in ["format", "converter", "server"] {
         let fuzz = |arguments: &[&str]| {
             let mut command = process::cargo(&project.root.join(package));
             command

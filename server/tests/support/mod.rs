@@ -3,6 +3,8 @@
 #![allow(dead_code, reason = "each test file uses a part of it")]
 #![allow(clippy::unwrap_used, reason = "all of this is part of tests")]
 
+pub(crate) mod s3;
+
 use marquetry_format::writer::{
     ChartInput, ChartTiles, ColourInput, Content, NodeInput, TileInput, write,
 };
@@ -106,6 +108,7 @@ fn node(id: NodeId, children: Option<Box<[NodeInput; 4]>>, seed: u32) -> NodeInp
 /// A server on a free port, stopped when dropped.
 pub(crate) struct Running {
     pub(crate) address: SocketAddr,
+    pub(crate) admin: Option<SocketAddr>,
     stop: Option<oneshot::Sender<()>>,
     thread: Option<JoinHandle<()>>,
 }
@@ -123,7 +126,9 @@ impl Running {
                 .unwrap();
             runtime.block_on(async {
                 let server = Server::bind(config).await.unwrap();
-                ready.send(server.local_addr()).unwrap();
+                ready
+                    .send((server.local_addr(), server.admin_addr()))
+                    .unwrap();
                 server
                     .run(async {
                         let _ = stopped.await;
@@ -131,8 +136,10 @@ impl Running {
                     .await;
             });
         });
+        let (address, admin) = listening.recv().unwrap();
         Self {
-            address: listening.recv().unwrap(),
+            address,
+            admin,
             stop: Some(stop),
             thread: Some(thread),
         }
@@ -153,17 +160,24 @@ impl Running {
 
     /// One request on a connection of its own.
     pub(crate) fn send(&self, method: &str, path: &str, headers: &[(&str, &str)]) -> Answer {
+        self.try_send(method, path, headers)
+            .expect("a response has a header")
+    }
+
+    /// As [`Running::send`]; nothing where the server ended the connection without a header.
+    pub(crate) fn try_send(
+        &self,
+        method: &str,
+        path: &str,
+        headers: &[(&str, &str)],
+    ) -> Option<Answer> {
         let mut request =
             format!("{method} {path} HTTP/1.1\r\nHost: test\r\nConnection: close\r\n");
         for (name, value) in headers {
             let _ = write!(request, "{name}: {value}\r\n");
         }
         request.push_str("\r\n");
-        let mut stream = self.connect();
-        stream.write_all(request.as_bytes()).unwrap();
-        let mut bytes = Vec::new();
-        stream.read_to_end(&mut bytes).unwrap();
-        Answer::parse(&bytes)
+        try_exchange(self.address, request.as_bytes())
     }
 
     /// A bare connection.
@@ -174,6 +188,22 @@ impl Running {
             .unwrap();
         stream
     }
+}
+
+/// Sends bytes, and takes the first response.
+pub(crate) fn exchange(address: SocketAddr, request: &[u8]) -> Answer {
+    try_exchange(address, request).expect("a response has a header")
+}
+
+fn try_exchange(address: SocketAddr, request: &[u8]) -> Option<Answer> {
+    let mut stream = TcpStream::connect(address).unwrap();
+    let patience = Some(Duration::from_secs(20));
+    stream.set_read_timeout(patience).unwrap();
+    // A server that refuses a request need not read it to its end.
+    let _ = stream.write_all(request);
+    let mut bytes = Vec::new();
+    let _ = stream.read_to_end(&mut bytes);
+    Answer::parse(&bytes)
 }
 
 impl Drop for Running {
@@ -191,22 +221,19 @@ pub(crate) struct Answer {
 }
 
 impl Answer {
-    fn parse(bytes: &[u8]) -> Self {
-        let end = bytes
-            .windows(4)
-            .position(|window| window == b"\r\n\r\n")
-            .expect("a response has a header");
+    fn parse(bytes: &[u8]) -> Option<Self> {
+        let end = bytes.windows(4).position(|window| window == b"\r\n\r\n")?;
         let head = std::str::from_utf8(&bytes[..end]).unwrap();
         let mut lines = head.split("\r\n");
         let status = lines.next().unwrap().split(' ').nth(1).unwrap();
-        Self {
+        Some(Self {
             status: status.parse().unwrap(),
             headers: lines
                 .map(|line| line.split_once(": ").unwrap())
                 .map(|(name, value)| (name.to_ascii_lowercase(), value.to_owned()))
                 .collect(),
             body: bytes[end + 4..].to_vec(),
-        }
+        })
     }
 
     /// The value of a header that is there at most once.

@@ -1,0 +1,53 @@
+//! `GET /thumbnails/NAME/CONTENT-ID`: the picture stored in a file, immutable as its pages are.
+
+use super::pages::FOR_EVER;
+use crate::body::Outgoing;
+use crate::conditional::{self, Verdict};
+use crate::error::ApiError;
+use crate::source::Sources;
+use axum::http::{HeaderMap, HeaderValue, Response, StatusCode, header};
+use std::sync::Arc;
+
+/// How a PNG begins.
+const PNG: &[u8] = b"\x89PNG\r\n\x1a\n";
+
+/// Answers with the picture of the file that `path` names.
+pub(crate) async fn thumbnail(
+    sources: &Arc<Sources>,
+    path: &str,
+    headers: &HeaderMap,
+) -> Result<Response<Outgoing>, ApiError> {
+    let (name, content_id) = path.rsplit_once('/').ok_or(ApiError::NotFound)?;
+    let file = sources.open(name).await?;
+    if file.content_id() != content_id {
+        return Err(ApiError::OtherContent);
+    }
+    let picture = file.thumbnail().await.map_err(|error| {
+        tracing::warn!(%error, name, "thumbnail cannot be read");
+        ApiError::from(error)
+    })?;
+    let picture = picture
+        .filter(|bytes| bytes.starts_with(PNG))
+        .ok_or(ApiError::NotFound)?;
+    let etag = format!("\"{:032x}\"", xxhash_rust::xxh3::xxh3_128(&picture));
+    let mut response = match conditional::evaluate(headers, &etag, None) {
+        Verdict::Failed => return Err(ApiError::PreconditionFailed),
+        Verdict::NotModified => {
+            let mut response = Response::new(Outgoing::Full(None));
+            *response.status_mut() = StatusCode::NOT_MODIFIED;
+            response
+        }
+        Verdict::Proceed => {
+            let mut response = Response::new(Outgoing::from(picture));
+            let png = HeaderValue::from_static("image/png");
+            response.headers_mut().insert(header::CONTENT_TYPE, png);
+            response
+        }
+    };
+    let fields = response.headers_mut();
+    fields.insert(header::CACHE_CONTROL, FOR_EVER);
+    if let Ok(etag) = HeaderValue::try_from(etag) {
+        fields.insert(header::ETAG, etag);
+    }
+    Ok(response)
+}

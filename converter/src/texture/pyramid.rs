@@ -163,7 +163,7 @@ mod tests {
     #[test]
     fn smooth_charts_have_one_tile() {
         assert_eq!(count(&chart(3, |_, _| 0.3)), 1);
-        assert_eq!(count(&chart(3, |i, j| (i + j) as f32 / 512.0)), 1);
+        assert_eq!(count(&chart(3, |i, j| 0.3 + (i + j) as f32 / 2048.0)), 1);
     }
 
     #[test]

@@ -362,7 +362,9 @@ mod tests {
                 .iter()
                 .all(|leaf| points.of_sample[leaf.first] == corner)
         );
-        assert_eq!(points.samples(corner.0 as usize).count(), 5);
+        // Samples that hang on it count by half, besides.
+        let whole = points.samples(corner.0 as usize);
+        assert_eq!(whole.filter(|&(_, part)| part > 0.9).count(), 5);
         assert!(!points.open[corner.0 as usize]);
         // The far end of each spoke is on the open border.
         assert!(points.open[points.of_sample[leaves[1].first + 8].0 as usize]);

@@ -149,7 +149,10 @@ async fn connection(
         why = monitor.overdue(&door.limits) => {
             door.metrics().cut(why);
             tracing::debug!(%address, why = why.name(), "connection cut");
-            if why == Overdue::Header || why == Overdue::Idle { Ok(()) } else { Err("too slow".into()) }
+            if matches!(why, Overdue::Stall | Overdue::Response) {
+                monitor.abort();
+            }
+            Ok(())
         }
     };
     door.metrics().bytes_sent.add_many(monitor.bytes_sent());
@@ -205,9 +208,8 @@ async fn speak_http1(
     });
     let mut connection = pin!(
         http1::Builder::new()
-            .timer(TokioTimer::new())
-            // The monitor is stricter, but does not see a header that came with the request before it.
-            .header_read_timeout(door.limits.idle.max(door.limits.header))
+            // The monitor has the deadlines: one timer a connection, not one a request.
+            .header_read_timeout(None)
             .max_buf_size(HEADER_BYTES)
             .max_headers(HEADER_FIELDS)
             .serve_connection(TokioIo::new(stream), answer)

@@ -28,6 +28,8 @@ pub(crate) struct Monitor {
     waiting: AtomicU32,
     /// The client speaks HTTP/2, whose frames need not belong to a request: the idle deadline covers them.
     http2: AtomicBool,
+    /// The connection is to end without a word.
+    aborted: AtomicBool,
     responses: Mutex<Responses>,
 }
 
@@ -74,6 +76,7 @@ impl Monitor {
             blocked: AtomicBool::new(false),
             waiting: AtomicU32::new(0),
             http2: AtomicBool::new(false),
+            aborted: AtomicBool::new(false),
             responses: Mutex::default(),
         }
     }
@@ -129,6 +132,15 @@ impl Monitor {
             number,
             waits: false,
         }
+    }
+
+    /// Ends the connection without delivering what was not taken yet.
+    pub(super) fn abort(&self) {
+        self.aborted.store(true, Relaxed);
+    }
+
+    pub(super) fn is_aborted(&self) -> bool {
+        self.aborted.load(Relaxed)
     }
 
     /// Bytes that the socket took so far.

@@ -5,6 +5,7 @@ use std::io::{self, IoSlice};
 use std::pin::Pin;
 use std::sync::Arc;
 use std::task::{Context, Poll};
+use std::time::Duration;
 use tokio::io::{AsyncRead, AsyncReadExt, AsyncWrite, ReadBuf};
 use tokio::net::TcpStream;
 
@@ -42,6 +43,15 @@ impl Stream {
             }
         }
         Ok(true)
+    }
+}
+
+impl Drop for Stream {
+    fn drop(&mut self) {
+        if self.monitor.is_aborted() {
+            // Without this the kernel would keep what was not taken, and try for minutes to deliver it.
+            let _ = socket2::SockRef::from(&self.socket).set_linger(Some(Duration::ZERO));
+        }
     }
 }
 

@@ -111,10 +111,15 @@ fn range_header<'h>(method: &Method, headers: &'h HeaderMap) -> Option<&'h str> 
     }
 }
 
+/// Fields of a response, more or less.
+pub(crate) const FIELDS: usize = 16;
+
 fn made_of(body: Outgoing, status: StatusCode, content_type: HeaderValue) -> Response<Outgoing> {
     let mut response = Response::new(body);
     *response.status_mut() = status;
     let headers = response.headers_mut();
+    // All that will come, so that the map does not grow step by step.
+    headers.reserve(FIELDS);
     headers.insert(header::CONTENT_TYPE, content_type);
     response
 }

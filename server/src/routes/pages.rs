@@ -3,6 +3,7 @@
 //! Adjacent pages come concatenated, without anything between them: the client knows their lengths from
 //! the index. The content id in the path makes the URL name its bytes, so it may be cached for ever.
 
+use super::files::FIELDS;
 use crate::body::Outgoing;
 use crate::conditional::{self, Verdict};
 use crate::error::ApiError;
@@ -81,6 +82,7 @@ pub(crate) async fn pages(
             };
             let mut response = Response::new(body);
             let fields = response.headers_mut();
+            fields.reserve(FIELDS);
             let binary = HeaderValue::from_static("application/octet-stream");
             fields.insert(header::CONTENT_TYPE, binary);
             fields.insert(header::CONTENT_LENGTH, length);

@@ -6,7 +6,8 @@ use std::net::{Ipv4Addr, SocketAddr, TcpListener};
 use std::path::Path;
 use std::process::{Command, Stdio};
 
-/// Serves `folder` with as many workers as there are cores, `sendfile`, and no access log.
+/// Serves `folder` with as many workers as there are cores, `sendfile`, and no access log. Without `tcp_nopush`, which
+/// Debian sets: on the loopback interface it makes answers of 64 KiB wait 40 ms for an acknowledgement.
 ///
 /// `cached` keeps files open between requests (`open_file_cache`), which Debian's settings do not.
 pub(crate) fn start(folder: &Path, scratch: &Path, cached: bool) -> Result<Process> {
@@ -22,7 +23,7 @@ pub(crate) fn start(folder: &Path, scratch: &Path, cached: bool) -> Result<Proce
     let settings = format!(
         "daemon off;\nuser root;\nworker_processes auto;\npid {scratch_text}/nginx.pid;\nerror_log {scratch_text}/error.log;\n\
          events {{ worker_connections 4096; }}\n\
-         http {{\n  access_log off;\n  sendfile on;\n  tcp_nopush on;\n  tcp_nodelay on;\n  keepalive_requests 1000000000;\n  {cache}\n\
+         http {{\n  access_log off;\n  sendfile on;\n  tcp_nopush off;\n  tcp_nodelay on;\n  keepalive_requests 1000000000;\n  {cache}\n\
          \x20 client_body_temp_path {scratch_text}/body;\n  proxy_temp_path {scratch_text}/proxy;\n\
          \x20 fastcgi_temp_path {scratch_text}/fastcgi;\n  uwsgi_temp_path {scratch_text}/uwsgi;\n  scgi_temp_path {scratch_text}/scgi;\n\
          \x20 server {{ listen {address}; root {folder}; }}\n}}\n"

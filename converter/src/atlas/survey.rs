@@ -558,6 +558,7 @@ mod tests {
                 lattice: quantize::lattice(DVec3::ZERO, DVec3::splat(8.0), target),
                 colours: false,
                 target,
+                cap_distance: 0.0,
             }
         }
 

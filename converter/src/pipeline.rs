@@ -15,7 +15,7 @@ use crate::report::{
     AreaReport, ErrorReport, FitReport, InputReport, LayoutReport, Lost, Merged, OutputReport,
     Report, StageReport,
 };
-use crate::segment;
+use crate::segment::{self, Segmentation};
 use crate::texture::build::TextureError;
 use crate::texture::stage::{TextureReport, Textures};
 use glam::DVec3;
@@ -245,6 +245,9 @@ fn target_regions(triangles: usize, handles: usize) -> u32 {
 /// Handles are cut where a cap stays within so many targets of the surface.
 const CAP_OVER_TARGET: f64 = 25.0;
 
+/// Rounds of splitting regions at protrusions; each halves what is left of them.
+const SPLIT_ROUNDS: u32 = 3;
+
 /// Samples of the measurement of the written file, each way, beside all vertices.
 const MEASURED_SAMPLES: u64 = 100_000;
 
@@ -453,12 +456,8 @@ impl Conversion<'_> {
             mut patches,
             borders,
             regions,
-        } = quadrangulate::quadrangulate(mesh, &segmentation).map_err(|source| {
-            ConvertError::Layout {
-                path: self.input.to_owned(),
-                source,
-            }
-        })?;
+            ..
+        } = self.layout(mesh, segmentation)?;
         let layout = LayoutReport {
             regions,
             chart_area: AreaReport::of(patches.par_iter().map(Patch::area).collect()),
@@ -503,6 +502,42 @@ impl Conversion<'_> {
             })
             .map_err(|source| self.texture_error(source))?;
         Ok((atlas, colour, layout))
+    }
+
+    /// Quads of the regions; regions with protrusions that no flattening shows are split.
+    fn layout(
+        &self,
+        mesh: &ManifoldMesh,
+        mut segmentation: Segmentation,
+    ) -> Result<Layout, ConvertError> {
+        let quadrangulate = |segmentation: &Segmentation| {
+            quadrangulate::quadrangulate(mesh, segmentation).map_err(|source| {
+                ConvertError::Layout {
+                    path: self.input.to_owned(),
+                    source,
+                }
+            })
+        };
+        let mut layout = quadrangulate(&segmentation)?;
+        let mut split = vec![false; mesh.positions.len()];
+        for _ in 0..SPLIT_ROUNDS {
+            if layout.specks.is_empty() {
+                break;
+            }
+            let Some(parts) = segment::split_at(mesh, &segmentation, &layout.specks, &mut split)
+            else {
+                break;
+            };
+            segmentation = parts;
+            layout = quadrangulate(&segmentation)?;
+        }
+        if !layout.specks.is_empty() {
+            tracing::warn!(
+                regions = layout.specks.len(),
+                "protrusions stay that are too long to be sampled well"
+            );
+        }
+        Ok(layout)
     }
 
     fn import(&mut self) -> Result<(ImportedMesh, ImportReport), ConvertError> {

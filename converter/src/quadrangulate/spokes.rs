@@ -19,6 +19,8 @@ use std::collections::HashMap;
 pub(super) struct CutRegion {
     pub(super) patches: Vec<Patch>,
     pub(super) spokes: Vec<Border>,
+    /// See [`Region::speck`].
+    pub(super) speck: Option<u32>,
 }
 
 /// Rounds of reweighting of every flattening, and of one in which a protrusion stays shrunk.
@@ -50,8 +52,10 @@ pub(super) fn cut(mut region: Region) -> Result<CutRegion, QuadrangulateError> {
     let vertices = region.positions.len();
     let triangles = region.triangles.clone();
     let mut best: Option<(f64, CutRegion)> = None;
+    let mut speck = None;
     for weights in [WEIGHTS, Weights::Uniform] {
         let flat = region.flattened(weights);
+        speck = speck.or_else(|| region.speck(&flat));
         for centre in centres(&flat) {
             let uv = flat.uv.iter().map(|&p| p - centre).collect();
             if let Some(cut) = Sectors::new(&mut region, uv).and_then(|mut sectors| sectors.cut()) {
@@ -68,7 +72,7 @@ pub(super) fn cut(mut region: Region) -> Result<CutRegion, QuadrangulateError> {
             region.triangles.clone_from(&triangles);
         }
         if let Some((_, cut)) = best {
-            return Ok(cut);
+            return Ok(CutRegion { speck, ..cut });
         }
     }
     Err(QuadrangulateError::Folded {
@@ -279,6 +283,7 @@ impl<'a> Sectors<'a> {
         Some(CutRegion {
             patches,
             spokes: spokes.into_iter().collect::<Option<_>>()?,
+            speck: None,
         })
     }
 

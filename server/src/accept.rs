@@ -144,14 +144,19 @@ async fn connection(
         monitor: Arc::clone(&monitor),
     };
     let stream = Stream::new(socket, Arc::clone(&monitor));
+    let overdue = async {
+        let why = monitor.overdue(&door.limits).await;
+        // Here, since the conversation is dropped before the branch below runs.
+        if matches!(why, Overdue::Stall | Overdue::Response) {
+            monitor.abort();
+        }
+        why
+    };
     let outcome = tokio::select! {
         outcome = converse(stream, client, door, stopped) => outcome,
-        why = monitor.overdue(&door.limits) => {
+        why = overdue => {
             door.metrics().cut(why);
             tracing::debug!(%address, why = why.name(), "connection cut");
-            if matches!(why, Overdue::Stall | Overdue::Response) {
-                monitor.abort();
-            }
             Ok(())
         }
     };

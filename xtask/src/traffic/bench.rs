@@ -17,7 +17,7 @@ use std::time::{Duration, Instant};
 
 /// Connections that ask at once.
 const CLIENTS: usize = 16;
-const PASSES: usize = 9;
+const PASSES: usize = 7;
 const PASS: Duration = Duration::from_millis(1500);
 
 /// What is asked for.

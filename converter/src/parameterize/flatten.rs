@@ -52,6 +52,7 @@ pub(crate) fn flatten(
     let mut uv: Vec<DVec2> = fixed.iter().map(|p| p.unwrap_or(DVec2::ZERO)).collect();
     let mut system = System::of(&edges, &on_side);
     let mut tip = None;
+    let mut is_solved = false;
     if most > 0 {
         let metric = Metric::of(positions, triangles);
         let mut around = Vec::new();
@@ -65,6 +66,7 @@ pub(crate) fn flatten(
                 .map(|((v, &stretch), _)| (v, stretch))
                 .max_by(|a, b| a.1.total_cmp(&b.1));
             if round >= reweights && tip.is_none_or(|(_, stretch)| stretch < SHRUNK) {
+                is_solved = true;
                 break;
             }
             if round == 0 && tip.is_some_and(|(_, stretch)| stretch > LOST) {
@@ -74,7 +76,9 @@ pub(crate) fn flatten(
             }
         }
     }
-    system.solve(&edges, &values, &mut uv);
+    if !is_solved {
+        system.solve(&edges, &values, &mut uv);
+    }
     system.refine(&edges, &values, &mut uv);
     Flat { uv, tip }
 }

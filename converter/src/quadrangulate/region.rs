@@ -9,8 +9,9 @@ use glam::{DVec2, DVec3};
 use std::collections::HashMap;
 use std::f64::consts::TAU;
 
-/// Shrinking (a length) beyond which a protrusion is not sampled well, reweighted or not: its region is to be split.
-const SPECK: f64 = 20.0;
+/// Shrinking (a length) beyond which a protrusion counts as lost and its region is to be split: there even the deepest
+/// nodes have less than one sample.
+const SPECK: f64 = 1e4;
 
 /// One side of a region, counter-clockwise.
 #[derive(Debug)]

@@ -23,16 +23,11 @@ pub(super) struct CutRegion {
     pub(super) speck: Option<u32>,
 }
 
-/// Rounds of reweighting of every flattening, and of one in which a protrusion stays shrunk.
-///
-/// Along a tube each lowers the exponent of its shrinking to 0.41 of what it was.
-const WEIGHTS: Weights = Weights::Stretch(1, 16);
+/// Reweighted once where something is shrunk: more rounds cost more than splitting what stays shrunk.
+const WEIGHTS: Weights = Weights::Stretch(0, 1);
 
 /// A flattening that has shrunk a place by more than this (a length) gets its centre there.
 const TIP: f64 = 4.0;
-
-/// A centre is good when the smallest quad has this part of the region's mean.
-const BALANCED: f64 = 0.25;
 
 /// Where the centre is tried, in radii of the polygon, until the cut succeeds.
 ///
@@ -51,7 +46,6 @@ fn centres(flat: &Flat) -> impl Iterator<Item = DVec2> {
 pub(super) fn cut(mut region: Region) -> Result<CutRegion, QuadrangulateError> {
     let vertices = region.positions.len();
     let triangles = region.triangles.clone();
-    let mut best: Option<(f64, CutRegion)> = None;
     let mut speck = None;
     for weights in [WEIGHTS, Weights::Uniform] {
         let flat = region.flattened(weights);
@@ -59,36 +53,17 @@ pub(super) fn cut(mut region: Region) -> Result<CutRegion, QuadrangulateError> {
         for centre in centres(&flat) {
             let uv = flat.uv.iter().map(|&p| p - centre).collect();
             if let Some(cut) = Sectors::new(&mut region, uv).and_then(|mut sectors| sectors.cut()) {
-                let balance = cut.balance();
-                if best.as_ref().is_none_or(|(other, _)| balance > *other) {
-                    best = Some((balance, cut));
-                }
-                if balance >= BALANCED {
-                    break;
-                }
+                return Ok(CutRegion { speck, ..cut });
             }
             region.positions.truncate(vertices);
             region.attributes.truncate(vertices);
             region.triangles.clone_from(&triangles);
-        }
-        if let Some((_, cut)) = best {
-            return Ok(CutRegion { speck, ..cut });
         }
     }
     Err(QuadrangulateError::Folded {
         region: region.id,
         triangles: triangles.len(),
     })
-}
-
-impl CutRegion {
-    /// Area of the smallest patch over their mean.
-    fn balance(&self) -> f64 {
-        let areas: Vec<f64> = self.patches.iter().map(Patch::area).collect();
-        let mean = areas.iter().sum::<f64>() / areas.len().max(1) as f64;
-        let least = areas.into_iter().fold(f64::INFINITY, f64::min);
-        if mean > 0.0 { least / mean } else { 1.0 }
-    }
 }
 
 fn orient(a: DVec2, b: DVec2, c: DVec2) -> f64 {

@@ -176,9 +176,9 @@ fn describe(file: &str, report: &Report) -> String {
     );
     if let Some(clusters) = &report.clusters {
         // Writing to a string does not fail.
-        let _ = write!(
+        let _ = writeln!(
             text,
-            "clusters   {} in {} levels, {} triangles in {} leaves\n",
+            "clusters   {} in {} levels, {} triangles in {} leaves",
             clusters.nodes, clusters.levels, clusters.triangles, clusters.leaves
         );
     }

@@ -12,10 +12,10 @@ use std::time::Duration;
 ///
 /// Every setting may also stand in a TOML file (--config) or in the environment, where it is called
 /// `MARQUETRY_SERVE_` and its path in capitals with two underscores between the parts
-/// (MARQUETRY_SERVE_CONNECTIONS__IDLE=30s). Flags win over the environment, that over the file.
+/// (`MARQUETRY_SERVE_CONNECTIONS__IDLE=30s`). Flags win over the environment, that over the file.
 #[derive(Debug, clap::Args)]
 pub(super) struct Arguments {
-    /// Files, folders, and URLs: s3://BUCKET/PREFIX, gs://…, az://…, https://HOST/PATH
+    /// Files, folders, and URLs: `s3://BUCKET/PREFIX`, `gs://…`, `az://…`, `https://HOST/PATH`
     #[arg(required_unless_present_any = ["config", "sign"], value_name = "PATH")]
     paths: Vec<PathBuf>,
     /// Address and port to listen on; port 0 picks a free one [default: 127.0.0.1:8080]
@@ -131,7 +131,7 @@ async fn serve(settings: Config, check_only: bool, output: &Output) -> anyhow::R
     let stop = stop_signal()?;
     if check_only {
         let shown = toml::to_string(&settings.redacted())?;
-        let anywhere = |_| "127.0.0.1:0".to_owned();
+        let anywhere = |()| "127.0.0.1:0".to_owned();
         // A server that runs already has the addresses.
         Server::bind(Config {
             listen: anywhere(()),

@@ -108,13 +108,14 @@ impl Points {
                     match across {
                         Across::Open => open[own] = true,
                         Across::Finer => {}
-                        Across::Beside(ref beside) => match beside.sample(step) {
-                            Some(other) => union.join(own, other),
-                            None => {
+                        Across::Beside(ref beside) => {
+                            if let Some(other) = beside.sample(step) {
+                                union.join(own, other);
+                            } else {
                                 let ends = [step - 1, step + 1].map(|k| on_side(leaf, side, k));
                                 hanging.insert(index(own), ends.map(index));
                             }
-                        },
+                        }
                     }
                 }
             }

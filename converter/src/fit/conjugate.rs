@@ -26,7 +26,7 @@ pub(super) fn solve(system: &System<'_>) -> (Vec<DVec3>, u32) {
     while iterations < ITERATIONS && norm > enough {
         let applied = system.apply(&direction);
         let curvature = dot(&direction, &applied);
-        if !(curvature > 0.0) {
+        if curvature.is_nan() || curvature <= 0.0 {
             break;
         }
         let step = norm / curvature;

@@ -47,7 +47,7 @@ impl Block {
         let [xx, xy, xz, yy, yz, zz] = self.0.map(f64::from);
         let (a, b, c) = (yy * zz - yz * yz, xz * yz - xy * zz, xy * yz - xz * yy);
         let determinant = xx * a + xy * b + xz * c;
-        if !(determinant > 0.0) {
+        if determinant.is_nan() || determinant <= 0.0 {
             return Self::default();
         }
         let mut inverse = Self::default();

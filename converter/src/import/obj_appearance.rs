@@ -243,7 +243,8 @@ impl<'a> Libraries<'a> {
                 b"kd" => {
                     let values: Vec<f32> =
                         words(rest).filter(|w| !w.is_empty()).map(float).collect();
-                    if let (Some(material), [r, g, b, ..]) = (self.of(&current), values.as_slice())
+                    if let (Some(material), [r, g, b, ..]) =
+                        (self.of(current.as_ref()), values.as_slice())
                     {
                         material.factor = kd(*r, *g, *b);
                     }
@@ -262,8 +263,8 @@ impl<'a> Libraries<'a> {
         }
     }
 
-    fn of(&mut self, current: &Option<(String, Known)>) -> Option<&mut Material> {
-        let (_, known) = current.as_ref()?;
+    fn of(&mut self, current: Option<&(String, Known)>) -> Option<&mut Material> {
+        let (_, known) = current?;
         self.appearance.materials.get_mut(known.number as usize)
     }
 
@@ -274,7 +275,7 @@ impl<'a> Libraries<'a> {
             known.scale = map.scale;
             known.offset = map.offset;
         }
-        if let Some(material) = self.of(current) {
+        if let Some(material) = self.of(current.as_ref()) {
             material.image = image;
             material.wrap = [map.wrap; 2];
         }

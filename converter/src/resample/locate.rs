@@ -139,17 +139,16 @@ impl Raster {
         let mut at = 0;
         for j in y..=y + cells {
             for i in x..=x + cells {
-                visit(match side_of(i, j, 1 << resolution) {
-                    Some((side, step)) => Found::OnSide(side, step, resolution),
-                    None => {
-                        let (mut owner, mut weights) = (self.owners[at], self.weights[at]);
-                        if owner == NONE {
-                            let point = DVec2::new(f64::from(i), f64::from(j)) / scale;
-                            (owner, weights) = nearest(patch, uv, point);
-                        }
-                        let corners = patch.triangles[owner as usize];
-                        Found::Inside(corners.map(|vertex| vertex as usize), weights)
+                visit(if let Some((side, step)) = side_of(i, j, 1 << resolution) {
+                    Found::OnSide(side, step, resolution)
+                } else {
+                    let (mut owner, mut weights) = (self.owners[at], self.weights[at]);
+                    if owner == NONE {
+                        let point = DVec2::new(f64::from(i), f64::from(j)) / scale;
+                        (owner, weights) = nearest(patch, uv, point);
                     }
+                    let corners = patch.triangles[owner as usize];
+                    Found::Inside(corners.map(|vertex| vertex as usize), weights)
                 });
                 at += 1;
             }

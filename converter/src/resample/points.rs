@@ -131,7 +131,7 @@ fn blend([a, b, c]: [Place; 3], [wa, wb, wc]: [f64; 3]) -> Place {
 fn piece(corners: [Place; 3], normal: DVec3, emit: &mut impl FnMut(&SourcePoint)) {
     let [a, b, c] = corners.map(|corner| corner.surface);
     let area = (b - a).cross(c - a).length() / 6.0;
-    if !(area > 0.0) {
+    if area.is_nan() || area <= 0.0 {
         return;
     }
     for weights in RULE {

@@ -129,8 +129,8 @@ impl Canvas<'_> {
         }
         let paint = self.paint(corners, face);
         // How the weights of b and c grow along the rows and columns of texels.
-        let step_i = Vec2::new((c.y - a.y) as f32, (a.y - b.y) as f32) / area as f32;
-        let step_j = Vec2::new((a.x - c.x) as f32, (b.x - a.x) as f32) / area as f32;
+        let step_i = (DVec2::new(c.y - a.y, a.y - b.y) / area).as_vec2();
+        let step_j = (DVec2::new(a.x - c.x, b.x - a.x) / area).as_vec2();
         let samples = paint.samples(step_i, step_j);
         for j in j0..=j1 {
             for i in i0..=i1 {
@@ -183,15 +183,12 @@ impl Paint<'_> {
         let weights = weights.max(Vec2::ZERO);
         let weights = weights / (weights.x + weights.y).max(1.0);
         let blend = |a, b, c| a + (b - a) * weights.x + (c - a) * weights.y;
-        match &self.textured {
-            Some((material, texels, [p, q, r])) => {
-                let place = *p + (*q - *p) * weights.x + (*r - *p) * weights.y;
-                texels.sample(light, place, material.wrap) * material.factor
-            }
-            None => {
-                let [a, b, c] = self.colours;
-                blend(a, b, c)
-            }
+        if let Some((material, texels, [p, q, r])) = &self.textured {
+            let place = *p + (*q - *p) * weights.x + (*r - *p) * weights.y;
+            texels.sample(light, place, material.wrap) * material.factor
+        } else {
+            let [a, b, c] = self.colours;
+            blend(a, b, c)
         }
     }
 
@@ -228,6 +225,7 @@ fn centres(low: f64, high: f64, count: u32) -> Option<(u32, u32)> {
 /// Gives texels without a colour that of a neighbour, ring by ring; black where there is none at all.
 fn fill_gaps(picture: &mut Picture) {
     let (width, height) = (i64::from(picture.width), i64::from(picture.height));
+    let whole = |k: usize| i64::try_from(k).unwrap_or(i64::MAX);
     loop {
         let empty: Vec<usize> = (0..picture.light.len())
             .filter(|&k| picture.light[k].is_nan())
@@ -237,7 +235,7 @@ fn fill_gaps(picture: &mut Picture) {
         }
         let mut filled = Vec::new();
         for &k in &empty {
-            let (i, j) = (k as i64 % width, k as i64 / width);
+            let (i, j) = (whole(k) % width, whole(k) / width);
             let near = [(-1, 0), (1, 0), (0, -1), (0, 1)].map(|(di, dj)| (i + di, j + dj));
             let known = near
                 .into_iter()

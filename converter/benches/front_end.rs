@@ -2,7 +2,7 @@
 //!
 //! The mesh is a dented torus of 200 000 triangles, unless `MARQUETRY_BENCH_MESH` names a file.
 
-#![expect(
+#![allow(
     missing_docs,
     reason = "criterion's macros make undocumented functions"
 )]

@@ -209,7 +209,7 @@ fn protrusions() {
         ("spikes", meshes::sphere(80, 40).spiked(3.0, 12), Charts),
         ("fingers", meshes::fingers(5), Charts),
         ("tube of 60 radii", meshes::tube(60.0, 24, 200), Charts),
-        ("pole of valence 10 000", meshes::sphere(10_000, 3), Charts),
+        ("pole of valence 1 000", meshes::sphere(1_000, 3), Charts),
     ]);
 }
 
@@ -258,6 +258,7 @@ fn by_hand() {
     all(&[
         ("100 000 cubes", meshes::cubes(100_000), Clusters),
         ("100 000 cards", meshes::cards(100_000), Clusters),
+        ("pole of valence 10 000", meshes::sphere(10_000, 3), Charts),
         (
             "pole of valence 100 000",
             meshes::sphere(100_000, 3),

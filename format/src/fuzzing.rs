@@ -166,7 +166,7 @@ mod tests {
             for plane in 0..3 {
                 stream[plane * count] = 0;
             }
-            let vertices = stream.iter().filter(|&&code| code == 0).count();
+            let vertices = stream.iter().map(|&code| usize::from(code == 0)).sum::<usize>();
             let has_colours = usize::from(a >> 4 & 1);
             let lengths = [3 * count, 3 * vertices, 2 * vertices];
             let mut data = vec![a, (vertices - 1) as u8, triangles, 0b1_0101 | (has_colours as u8) << 6, 0];

@@ -39,6 +39,10 @@ fn leaf() -> TileInput {
     tile([const { None }; 4])
 }
 
+#[expect(
+    clippy::unnecessary_wraps,
+    reason = "the writer takes charts that may have none"
+)]
 fn chart(size: TexelSize, root: TileInput) -> Option<ChartTiles> {
     Some(ChartTiles { size, root })
 }
@@ -232,6 +236,7 @@ fn facts(change: impl FnOnce(&mut [u8])) -> Vec<u8> {
     })
 }
 
+#[expect(clippy::too_many_lines, reason = "a table")]
 fn cases() -> Vec<Case> {
     // Another type in its place, so that everything else lies where it did.
     let without = |kind: u32| {

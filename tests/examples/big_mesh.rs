@@ -58,7 +58,6 @@ fn noise(id: u32) -> Vec3 {
     let mut state = u64::from(id).wrapping_mul(0x9e37_79b9_7f4a_7c15);
     let mut unit = || {
         state = (state ^ state >> 29).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        #[expect(clippy::cast_possible_truncation, reason = "24 bits are kept")]
         let bits = (state >> 40) as u32;
         bits as f32 / 8_388_608.0 - 1.0
     };

@@ -384,7 +384,7 @@ fn url_that_stops_half_way_is_an_error() {
 fn answer_half(mut stream: TcpStream, bytes: &[u8]) -> std::io::Result<()> {
     let mut reader = BufReader::new(stream.try_clone()?);
     loop {
-        let (mut range, mut head) = (0..bytes.len(), false);
+        let (mut range, mut head, mut ranged) = (0..bytes.len(), false, false);
         let mut first = true;
         loop {
             let mut line = String::new();
@@ -403,12 +403,13 @@ fn answer_half(mut stream: TcpStream, bytes: &[u8]) -> std::io::Result<()> {
                     .parse()
                     .map_or(bytes.len(), |end: usize| (end + 1).min(bytes.len()));
                 range = start..end.max(start);
+                ranged = true;
             }
             if line.is_empty() {
                 break;
             }
         }
-        let partial = if range.len() < bytes.len() {
+        let partial = if ranged {
             "206 Partial Content"
         } else {
             "200 OK"

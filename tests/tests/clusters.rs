@@ -69,7 +69,7 @@ fn assert_no_holes(marq: &Path, least_nodes: u64) {
     let headless = Headless::new().unwrap();
     let mut stage = Stage::open(&headless, bytes, options, viewport).unwrap();
     let mut most_nodes = 0;
-    for (view, distance) in [(0, 2.5), (7, 0.6), (19, 1.2), (3, 30.0), (11, 0.8)] {
+    for (view, distance) in [(0, 2.5), (7, 1.25), (19, 1.5), (3, 30.0), (11, 1.3)] {
         stage.look_from(view, distance).unwrap();
         for steps in 0..3 {
             if steps == 2 {

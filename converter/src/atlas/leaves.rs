@@ -320,6 +320,7 @@ impl Union {
 mod tests {
     use super::*;
 
+    #[expect(clippy::unnecessary_wraps, reason = "sides may have none")]
     fn glued(chart: u32, side: u8) -> Option<Glue> {
         Some(Glue {
             chart: ChartId(chart),

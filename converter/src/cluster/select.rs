@@ -96,6 +96,16 @@ fn part(mesh: &ManifoldMesh, kept: impl Fn(usize) -> bool) -> ManifoldMesh {
     let mut rest = ManifoldMesh::default();
     let mut vertex = vec![NONE; mesh.positions.len()];
     let mut triangle = vec![NONE; mesh.triangles.len()];
+    // Origins are numbered anew, so that they stay below the number of vertices.
+    let mut origin = vec![
+        NONE;
+        mesh.origin
+            .iter()
+            .map(|&o| o as usize + 1)
+            .max()
+            .unwrap_or(0)
+    ];
+    let mut origins = 0;
     for (t, corners) in mesh.triangles.iter().enumerate().filter(|&(t, _)| kept(t)) {
         triangle[t] = id(rest.triangles.len());
         rest.triangles.push(corners.map(|v| {
@@ -103,7 +113,12 @@ fn part(mesh: &ManifoldMesh, kept: impl Fn(usize) -> bool) -> ManifoldMesh {
             if *slot == NONE {
                 *slot = id(rest.positions.len());
                 rest.positions.push(mesh.positions[v as usize]);
-                rest.origin.push(mesh.origin[v as usize]);
+                let number = &mut origin[mesh.origin[v as usize] as usize];
+                if *number == NONE {
+                    *number = origins;
+                    origins += 1;
+                }
+                rest.origin.push(*number);
                 rest.normals.push(mesh.normals[v as usize]);
                 rest.colours.extend(mesh.colours.get(v as usize));
             }

@@ -101,7 +101,6 @@ impl<'a> System<'a> {
             .par_iter()
             .map(|&leaf| assemble(problem, leaf))
             .collect();
-        // Weights are areas; relative to their mean they suit single precision.
         let area: f64 = assembled.iter().map(|(_, _, before)| before.area).sum();
         let mut system = Self {
             leaves: problem.leaves,
@@ -109,7 +108,7 @@ impl<'a> System<'a> {
             rows: Vec::with_capacity(assembled.len()),
             inverses: Vec::new(),
             right_hand: Vec::new(),
-            damping: DAMPING * area / problem.points.len().max(1) as f64,
+            damping: DAMPING * area / problem.target.powi(2) / problem.points.len().max(1) as f64,
             before: Vec::with_capacity(assembled.len()),
         };
         let mut by_sample = Vec::with_capacity(problem.points.of_sample.len());
@@ -211,6 +210,8 @@ fn assemble(problem: &Problem<'_>, leaf: Leaf) -> (Vec<Row>, Vec<DVec3>, Estimat
         let [wa, wb, wc] = corners.weights;
         let gap = point.surface - (image[a] * wa + image[b] * wb + image[c] * wc);
         let n = point.normal;
+        // In squares of the target, single precision has room for any unit of length.
+        let area = point.area / problem.target.powi(2);
         let terms = [
             n.x * n.x + POINT_TO_POINT,
             n.x * n.y,
@@ -219,8 +220,8 @@ fn assemble(problem: &Problem<'_>, leaf: Leaf) -> (Vec<Row>, Vec<DVec3>, Estimat
             n.y * n.z,
             n.z * n.z + POINT_TO_POINT,
         ]
-        .map(|term| term * point.area);
-        let pull = (n * n.dot(gap) + gap * POINT_TO_POINT) * point.area;
+        .map(|term| term * area);
+        let pull = (n * n.dot(gap) + gap * POINT_TO_POINT) * area;
         for (at, weight) in corners.at.into_iter().zip(corners.weights) {
             rows[at].own.add(weight * weight, terms);
             right[at] += pull * weight;

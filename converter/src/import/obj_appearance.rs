@@ -87,7 +87,6 @@ pub(super) fn read(bytes: &[u8], path: &Path, soup: &mut Soup) {
         }
     }
     let mut appearance = libraries.appearance;
-    soup.referenced_bytes += libraries.bytes;
     put_on(
         &soup.faces,
         &soup.positions,
@@ -178,7 +177,6 @@ struct Libraries<'a> {
     known: BTreeMap<String, Known>,
     images: BTreeMap<PathBuf, Option<u32>>,
     missed: Vec<String>,
-    bytes: u64,
 }
 
 impl<'a> Libraries<'a> {
@@ -189,7 +187,6 @@ impl<'a> Libraries<'a> {
             known: BTreeMap::new(),
             images: BTreeMap::new(),
             missed: Vec::new(),
-            bytes: 0,
         }
     }
 
@@ -215,7 +212,6 @@ impl<'a> Libraries<'a> {
                 return;
             }
         };
-        self.bytes += text.len() as u64;
         let folder = relative.parent().map(Path::to_path_buf).unwrap_or_default();
         let mut current: Option<(String, Known)> = None;
         for (_, line) in lines(detect::without_bom(&text)) {
@@ -287,7 +283,6 @@ impl<'a> Libraries<'a> {
         }
         let number = match references::beside(self.path, relative) {
             Ok(bytes) => {
-                self.bytes += bytes.len() as u64;
                 self.appearance.images.push(ImageFile {
                     name: relative.display().to_string(),
                     bytes,

@@ -470,7 +470,7 @@ pub(crate) fn bracket(around: u32) -> Soup {
     let rim: BTreeSet<usize> = (0..soup.positions.len())
         .filter(|&v| {
             let d = (soup.positions[v].truncate() - centre).abs();
-            d.max_element() == 1.0
+            (d.max_element() - 1.0).abs() < 1e-9
         })
         .collect();
     for v in rim {

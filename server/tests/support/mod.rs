@@ -37,10 +37,10 @@ pub(crate) fn textured_marq(seed: u32) -> Vec<u8> {
         height: 8,
     };
     let root = tile([leaf(), None, None, leaf()]);
-    written(seed, Some(vec![Some(ChartTiles { size, root })]))
+    written(seed, Some(&vec![Some(ChartTiles { size, root })]))
 }
 
-fn written(seed: u32, colour: Option<ColourInput>) -> Vec<u8> {
+fn written(seed: u32, colour: Option<&ColourInput>) -> Vec<u8> {
     let lattice = Lattice {
         origin: [0.0; 3],
         step: 1e-3,
@@ -71,7 +71,7 @@ fn written(seed: u32, colour: Option<ColourInput>) -> Vec<u8> {
     let content = Content {
         charts: &[chart],
         clusters: None,
-        colour: colour.as_ref(),
+        colour,
     };
     write(&metadata, &lattice, &content, &mut bytes).unwrap();
     bytes

@@ -205,6 +205,11 @@ mod tests {
             return None;
         }
         let side = 1u32 << place[1];
+        #[expect(
+            clippy::cast_possible_truncation,
+            clippy::cast_sign_loss,
+            reason = "0 to the number of cells"
+        )]
         let cell = |t: f64| ((t * f64::from(side)) as u32).min(side - 1);
         let entry = map.entries[(place[0] + cell(v) * side + cell(u)) as usize].map(f64::from);
         let [x, y, width, height, layer, _, weight, _] = entry;
@@ -242,6 +247,11 @@ mod tests {
                 ]);
             }
             tiles *= 2;
+            #[expect(
+                clippy::cast_possible_truncation,
+                clippy::cast_sign_loss,
+                reason = "0 to the number of tiles"
+            )]
             let child = |t: f64| (t * f64::from(tiles)) as u32;
             (x, y) = (child(u), child(v));
             let quadrant = Quadrant(u8::try_from((x & 1) | (y & 1) << 1).unwrap());

@@ -136,7 +136,13 @@ mod tests {
     #[test]
     fn mips_are_means_of_light_and_the_margin_repeats_the_edge() {
         let (width, height) = (12, 12);
-        let column = |k: u32| if k % 2 == 0 { [255; 3] } else { [0; 3] };
+        let column = |k: u32| {
+            if k.is_multiple_of(2) {
+                [255; 3]
+            } else {
+                [0; 3]
+            }
+        };
         let tile = TileTexels {
             width,
             height,

@@ -265,7 +265,8 @@ mod tests {
         network.settle(&mut viewer);
         let mut random = Random::new(48);
         let mut hits = 0;
-        for _ in 0..200 {
+        // The clusters cover little of the picture.
+        for _ in 0..4000 {
             let place = [
                 f64::from(VIEWPORT.width) * random.unit(),
                 f64::from(VIEWPORT.height) * random.unit(),

@@ -245,6 +245,9 @@ fn target_regions(triangles: usize, handles: usize) -> u32 {
 /// Handles are cut where a cap stays within so many targets of the surface.
 const CAP_OVER_TARGET: f64 = 25.0;
 
+/// Part of the squared error that all caps together may take. Two round caps of radius r add about 2 r⁴ to its integral.
+const CAP_SHARE: f64 = 0.06;
+
 /// Rounds of splitting regions at protrusions; each halves what is left of them.
 const SPLIT_ROUNDS: u32 = 3;
 
@@ -352,7 +355,8 @@ impl Conversion<'_> {
         } = cluster::select::select(mesh);
         self.begin("handles")?;
         let source_triangles = surface.triangles.len();
-        let cut = mesh::handles::cut(&mut surface, CAP_OVER_TARGET * target);
+        let reach = cap_reach(&surface, target);
+        let cut = mesh::handles::cut(&mut surface, reach);
         let (atlas, colour, layout) =
             self.atlas(&surface, &textures, cut, (min, max), lattice, has_colours)?;
         // Caps are no part of the source.
@@ -711,6 +715,17 @@ impl Conversion<'_> {
             clusters: clusters.map(|layer| layer.summary).unwrap_or_default(),
         })
     }
+}
+
+/// How far from the surface a cap may be, where every handle got such a one.
+fn cap_reach(mesh: &ManifoldMesh, target: f64) -> f64 {
+    let area = |t: &[u32; 3]| {
+        let [a, b, c] = t.map(|v| mesh.positions[v as usize]);
+        (b - a).cross(c - a).length() / 2.0
+    };
+    let total: f64 = mesh.triangles.iter().map(area).sum();
+    let each = CAP_SHARE * target.powi(2) * total / handles(mesh).max(1) as f64;
+    (CAP_OVER_TARGET * target).min((each / 2.0).powf(0.25))
 }
 
 /// Handles of all components together, from the Euler characteristic; 0 where cuts make that meaningless.

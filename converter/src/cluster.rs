@@ -5,8 +5,10 @@
 //! packs them along a Hilbert curve into leaves, [`tree`] builds coarser clusters over these, made by [`simplify`], and
 //! [`bound`] says how far each is from what it stands for.
 //!
-//! Every component lies in one leaf as a whole, so no cut through the tree can open a crack in it.
-//! Limit: a component that a leaf has no room for becomes charts, however small its area is.
+//! Every component lies in one leaf as a whole, or in several that are the children of one node, so no cut through the tree can
+//! open a crack in it. Also larger components come here where charts would need many more samples than they
+//! have triangles, as CAD models do ([`select::Selection::take_all`]).
+//! Limit: between the triangles of a large component and a few hundred there is nothing to draw.
 
 pub mod bound;
 pub mod leaf;
@@ -53,21 +55,22 @@ pub fn build(
     lattice: &Lattice,
     colours: bool,
 ) -> Layer {
-    let leaves = leaf::leaves(mesh, components, lattice, colours);
+    let nodes = leaf::nodes(mesh, components, lattice, colours);
     let mut summary = Summary {
         components: components.len(),
         triangles: components.iter().map(Vec::len).sum(),
         nodes: 0,
-        leaves: leaves.len(),
+        leaves: 0,
     };
-    let max_error = leaves
-        .iter()
-        .map(|leaf| f64::from(leaf.error))
-        .fold(0.0, f64::max);
-    let root = tree::tree(leaves);
+    let root = tree::tree(nodes);
+    let mut max_error = 0.0f64;
     let mut stack = vec![&root];
     while let Some(node) = stack.pop() {
         summary.nodes += 1;
+        if node.children.is_empty() {
+            summary.leaves += 1;
+            max_error = max_error.max(f64::from(node.error));
+        }
         stack.extend(&node.children);
     }
     Layer {

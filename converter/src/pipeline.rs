@@ -1,34 +1,32 @@
 //! The whole way from a mesh file to a `.marq` file.
 
-use crate::atlas::patch::Patch;
-use crate::atlas::{build, chart_graph, quantize};
+mod charts;
+mod error;
+mod stages;
+
+pub use error::ConvertError;
+
+use crate::atlas::{build, quantize};
 use crate::cluster::{self, select::Selection};
-use crate::error::ImportError;
 use crate::import::{self, ImportReport};
 use crate::memory;
-use crate::mesh::{self, ImportedMesh, ManifoldMesh, NONE};
+use crate::mesh::account::Account;
+use crate::mesh::{self, ImportedMesh, ManifoldMesh};
 use crate::output::PendingFile;
-use crate::parameterize::{self, Parametrization};
 use crate::process;
-use crate::quadrangulate::{self, Layout, QuadrangulateError};
-use crate::report::{
-    AreaReport, ErrorReport, FitReport, InputReport, LayoutReport, Lost, Merged, OutputReport,
-    Report, StageReport,
-};
-use crate::segment::{self, Segmentation};
+use crate::report::{ErrorReport, FitReport, InputReport, Lost, Merged, OutputReport, Report};
 use crate::texture::build::TextureError;
 use crate::texture::stage::{TextureReport, Textures};
+use charts::Charts;
 use glam::DVec3;
 use marquetry_evaluation::distance;
 use marquetry_format::reader::Document;
 use marquetry_format::source::FileSource;
 use marquetry_format::writer::ColourInput;
 use marquetry_format::{ColourIndex, ContentKind, Lattice, Limits, Metadata, writer};
-use rayon::prelude::*;
+use stages::Stages;
 use std::io::Write;
-use std::path::{Path, PathBuf};
-use std::sync::{Arc, Mutex};
-use std::time::Instant;
+use std::path::Path;
 
 /// Which axis points up.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -82,117 +80,6 @@ pub trait Progress: Sync {
     }
 }
 
-/// A conversion that failed. Nothing was written under the output's name.
-#[derive(Debug, thiserror::Error)]
-#[non_exhaustive]
-pub enum ConvertError {
-    /// The input cannot be read as a mesh.
-    #[error(transparent)]
-    Import(#[from] ImportError),
-    /// The surface could not be cut into charts.
-    #[error("{path}: the surface cannot be cut into charts: {source}")]
-    Layout {
-        /// The input.
-        path: PathBuf,
-        /// Why.
-        source: QuadrangulateError,
-    },
-    /// The target was missed.
-    #[error(
-        "{path}: the error reached is {reached:.2e} of the diagonal, the target is {target:.2e}; \
-         ask for less with --error-rel, or accept it with --allow-worse"
-    )]
-    AboveTarget {
-        /// The input.
-        path: PathBuf,
-        /// RMS error, relative.
-        reached: f64,
-        /// Target, relative.
-        target: f64,
-    },
-    /// The input needs more memory than it may have.
-    #[error(
-        "{path}: needs more than the {} MiB of memory allowed ({} MiB at stage {stage}); allow more with --memory, \
-         or ask for less with --error-rel", allowed >> 20, used >> 20
-    )]
-    Memory {
-        /// The input.
-        path: PathBuf,
-        /// The stage that took it.
-        stage: &'static str,
-        /// Bytes taken.
-        used: u64,
-        /// Bytes allowed.
-        allowed: u64,
-    },
-    /// The input is known to need more memory than it may have; none was taken for it.
-    #[error(
-        "{path}: {triangles} triangles need about {} MiB of memory, but only {} MiB are allowed; allow more with --memory, \
-         or simplify or split the input", needed >> 20, allowed >> 20
-    )]
-    TooLarge {
-        /// The input.
-        path: PathBuf,
-        /// Its triangles.
-        triangles: u64,
-        /// Bytes needed.
-        needed: u64,
-        /// Bytes allowed.
-        allowed: u64,
-    },
-    /// Vertices without a place.
-    #[error(
-        "{path}: vertex {first} (counted from 0) is not finite (NaN or infinite), as {count} in all are; \
-         repair the file, or drop the triangles that touch them with --allow-worse"
-    )]
-    NotFinite {
-        /// The input.
-        path: PathBuf,
-        /// The first such vertex.
-        first: usize,
-        /// How many there are.
-        count: usize,
-    },
-    /// The textures cannot be used.
-    #[error("{path}: {source}")]
-    Textures {
-        /// The input.
-        path: PathBuf,
-        /// Why.
-        source: TextureError,
-    },
-    /// The result could not be measured.
-    #[error("{path}: the result cannot be measured: {source}")]
-    Measure {
-        /// The input.
-        path: PathBuf,
-        /// Why.
-        source: distance::MeshError,
-    },
-    /// The target is no positive number.
-    #[error("the target error must be a number above 0 and at most 1, not {0}")]
-    Target(f64),
-    /// The output cannot be written.
-    #[error("{path}: cannot be written")]
-    Output {
-        /// The output.
-        path: PathBuf,
-        /// Why.
-        source: std::io::Error,
-    },
-    /// The file written is not what was meant: our fault.
-    #[error("{path}: the file written does not read back: {source}")]
-    Format {
-        /// The output.
-        path: PathBuf,
-        /// Why.
-        source: marquetry_format::Error,
-    },
-    /// Threads could not be started.
-    #[error("cannot start threads: {0}")]
-    Threads(String),
-}
-
 /// Converts the scan at `input` to a file at `output`, which appears complete or not at all.
 ///
 /// The same bytes come out for any number of threads.
@@ -227,79 +114,36 @@ pub fn convert(
     })
 }
 
-/// Regions wanted: about 30 for 100 k triangles, 250 for 5 M, and three for every handle.
-///
-/// Handles force regions of their own whatever is wanted; asking for too few makes the others ragged (the dragon, 55
-/// handles: 12% of its area lies in ragged regions at 120 wanted, 2% at 250).
-fn target_regions(triangles: usize, handles: usize) -> u32 {
-    let regions = 30.0 * (triangles as f64 / 1e5).powf(0.55) + 3.0 * handles as f64;
-    #[expect(
-        clippy::cast_possible_truncation,
-        clippy::cast_sign_loss,
-        reason = "clamped"
-    )]
-    let regions = regions.round().clamp(4.0, 1e6) as u32;
-    regions
-}
-
-/// Handles are cut where a cap stays within so many targets of the surface.
-const CAP_OVER_TARGET: f64 = 25.0;
-
-/// Part of the squared error that all caps together may take. Two round caps of radius r add about 2 r⁴ to its integral.
-const CAP_SHARE: f64 = 0.06;
-
-/// Rounds of splitting regions at protrusions; each halves what is left of them.
-const SPLIT_ROUNDS: u32 = 3;
+/// Where charts need more samples for a triangle of the source, its triangles are smaller (`ARCHITECTURE.md`).
+const MOST_SAMPLES_A_TRIANGLE: u64 = 8;
 
 /// Samples of the measurement of the written file, each way, beside all vertices.
 const MEASURED_SAMPLES: u64 = 100_000;
 
-struct Stages<'a> {
-    progress: &'a dyn Progress,
-    reports: Vec<StageReport>,
-    started: Instant,
-    running: Option<(&'static str, Instant, f64)>,
-    /// Name of the stage that runs, for other threads.
-    name: Arc<Mutex<&'static str>>,
+/// Where a surface lies, and how well it is to be shown.
+struct Frame {
+    min: DVec3,
+    max: DVec3,
+    /// Of the bounds.
+    diagonal: f64,
+    /// RMS error wanted, as a length.
+    target: f64,
+    lattice: Lattice,
+    has_colours: bool,
 }
 
-impl<'a> Stages<'a> {
-    fn new(progress: &'a dyn Progress) -> Self {
+impl Frame {
+    fn of(mesh: &ManifoldMesh, error_rel: f64, has_colours: bool) -> Self {
+        let (min, max) = bounds(&mesh.positions);
+        let diagonal = (max - min).length();
+        let target = error_rel * diagonal;
         Self {
-            progress,
-            reports: Vec::new(),
-            started: Instant::now(),
-            running: None,
-            name: Arc::new(Mutex::new("start")),
-        }
-    }
-
-    fn begin(&mut self, name: &'static str) {
-        self.end();
-        self.progress.stage(name);
-        self.running = Some((name, Instant::now(), process::cpu_seconds()));
-        if let Ok(mut shared) = self.name.lock() {
-            *shared = name;
-        }
-    }
-
-    fn shared_name(&self) -> Arc<Mutex<&'static str>> {
-        Arc::clone(&self.name)
-    }
-
-    /// The stage that runs, or ran last.
-    fn name(&self) -> &'static str {
-        self.running.map_or("start", |(name, ..)| name)
-    }
-
-    fn end(&mut self) {
-        if let Some((name, since, cpu)) = self.running.take() {
-            self.reports.push(StageReport {
-                name,
-                seconds: since.elapsed().as_secs_f64(),
-                cpu_seconds: process::cpu_seconds() - cpu,
-                peak_rss_bytes: process::peak_rss_bytes(),
-            });
+            min,
+            max,
+            diagonal,
+            target,
+            lattice: quantize::lattice(min, max, target),
+            has_colours,
         }
     }
 }
@@ -343,29 +187,38 @@ impl Conversion<'_> {
         let has_colours = !imported.colours.is_empty();
         self.begin("manifold")?;
         let (mesh, account) = mesh::prepare(imported).map_err(|e| e.in_file(self.input))?;
-        let (min, max) = bounds(&mesh.positions);
-        let diagonal = (max - min).length();
-        let target = self.options.error_rel * diagonal;
-
-        let lattice = quantize::lattice(min, max, target);
+        let frame = Frame::of(&mesh, self.options.error_rel, has_colours);
+        let mut selection = cluster::select::select(mesh);
+        // Clusters show no textures.
+        let most_samples = if !textures.has_images() && selection.can_take_all() {
+            MOST_SAMPLES_A_TRIANGLE * selection.rest.triangles.len() as u64
+        } else {
+            u64::MAX
+        };
+        let charts = self.charts(&mut selection.rest, &textures, &frame, most_samples)?;
+        let Charts {
+            atlas,
+            colour,
+            layout,
+        } = charts.unwrap_or_else(|| {
+            selection.take_all();
+            Charts::default()
+        });
         let Selection {
-            rest: mut surface,
+            rest: surface,
             small,
             components,
-        } = cluster::select::select(mesh);
-        self.begin("handles")?;
-        let source_triangles = surface.triangles.len();
-        let reach = cap_reach(&surface, target);
-        let cut = mesh::handles::cut(&mut surface, reach);
-        let (atlas, colour, layout) =
-            self.atlas(&surface, &textures, cut, (min, max), lattice, has_colours)?;
-        // Caps are no part of the source.
-        surface.triangles.truncate(source_triangles);
+        } = selection;
         let clusters = if components.is_empty() {
             None
         } else {
             self.begin("cluster")?;
-            Some(cluster::build(&small, &components, &lattice, has_colours))
+            Some(cluster::build(
+                &small,
+                &components,
+                &frame.lattice,
+                has_colours,
+            ))
         };
 
         self.begin("measure")?;
@@ -376,15 +229,15 @@ impl Conversion<'_> {
             positions: &positions,
             triangles: &triangles,
         };
-        let error = self.judge(source, &atlas, clusters.as_ref(), &lattice, diagonal)?;
+        let error = self.judge(source, &atlas, clusters.as_ref(), &frame)?;
         drop((positions, triangles));
 
         self.begin("write")?;
         let metadata = Metadata {
             kind: ContentKind::Scan,
-            lattice,
-            bounds_min: min.to_array(),
-            bounds_max: max.to_array(),
+            lattice: frame.lattice,
+            bounds_min: frame.min.to_array(),
+            bounds_max: frame.max.to_array(),
             up_axis: self.options.up as u8,
             has_colours,
             target_error_rel: error.target_rel,
@@ -410,16 +263,7 @@ impl Conversion<'_> {
         )?;
         self.stages.end();
         Ok(Report {
-            input: InputReport {
-                path: self.input.display().to_string(),
-                bytes: import_report.bytes,
-                triangles: import_report.triangles,
-                vertices: import_report.vertices,
-                components: account.topology.components,
-                boundary_loops: account.topology.boundary_loops,
-                non_manifold_edges: account.topology.non_manifold_edges,
-                t_junctions: account.t_junctions,
-            },
+            input: self.input_report(&import_report, &account),
             layout,
             output,
             seconds: self.stages.started.elapsed().as_secs_f64(),
@@ -436,112 +280,6 @@ impl Conversion<'_> {
             merged: Merged::of(&account),
             textures,
         })
-    }
-
-    /// Charts of `mesh`, all the way to their samples; none where it has no triangles.
-    fn atlas(
-        &mut self,
-        mesh: &ManifoldMesh,
-        textures: &Textures,
-        cut: mesh::handles::Cut,
-        (min, max): (DVec3, DVec3),
-        lattice: Lattice,
-        colours: bool,
-    ) -> Result<(build::Atlas, Option<ColourInput>, LayoutReport), ConvertError> {
-        if mesh.triangles.is_empty() {
-            return Ok((build::Atlas::default(), None, LayoutReport::default()));
-        }
-        let diagonal = (max - min).length();
-        self.begin("segment")?;
-        let segmentation =
-            segment::segment(mesh, target_regions(mesh.triangles.len(), handles(mesh)));
-        self.begin("quadrangulate")?;
-        let Layout {
-            mut patches,
-            borders,
-            regions,
-            ..
-        } = self.layout(mesh, segmentation)?;
-        let layout = LayoutReport {
-            regions,
-            chart_area: AreaReport::of(patches.par_iter().map(Patch::area).collect()),
-            handles_cut: cut.handles,
-            cap_triangles: cut.cap_triangles,
-            cap_distance_rel: cut.distance / diagonal.max(f64::MIN_POSITIVE),
-        };
-        chart_graph::sort_along_curve(
-            &mut patches,
-            min,
-            (max - min).max_element().max(f64::MIN_POSITIVE),
-        );
-        let glue = chart_graph::glue(&patches, borders.len());
-
-        self.begin("parametrize")?;
-        let parametrizations: Vec<Parametrization> = patches
-            .par_iter_mut()
-            .map(|patch| parameterize::parameterize(patch, &borders))
-            .collect();
-
-        self.begin("resample")?;
-        let progress = self.stages.progress;
-        let atlas = build::build(
-            &build::Surface {
-                patches: &patches,
-                parametrizations: &parametrizations,
-                borders: &borders,
-                glue: &glue,
-                lattice,
-                colours,
-                target: self.options.error_rel * diagonal,
-                cap_distance: cut.distance,
-            },
-            &|done| progress.fraction(done),
-        );
-        if textures.has_images() {
-            self.begin("textures")?;
-        }
-        let colour = textures
-            .tiles(&patches, &parametrizations, &glue, &|done| {
-                progress.fraction(done);
-            })
-            .map_err(|source| self.texture_error(source))?;
-        Ok((atlas, colour, layout))
-    }
-
-    /// Quads of the regions; regions with protrusions that no flattening shows are split.
-    fn layout(
-        &self,
-        mesh: &ManifoldMesh,
-        mut segmentation: Segmentation,
-    ) -> Result<Layout, ConvertError> {
-        let quadrangulate = |segmentation: &Segmentation| {
-            quadrangulate::quadrangulate(mesh, segmentation).map_err(|source| {
-                ConvertError::Layout {
-                    path: self.input.to_owned(),
-                    source,
-                }
-            })
-        };
-        let mut layout = quadrangulate(&segmentation)?;
-        let mut split = vec![false; mesh.positions.len()];
-        for _ in 0..SPLIT_ROUNDS {
-            if layout.specks.is_empty() {
-                break;
-            }
-            let Some(parts) = segment::split_at(mesh, &segmentation, &layout.specks, &mut split)
-            else {
-                break;
-            };
-            segmentation = parts;
-            layout = quadrangulate(&segmentation)?;
-        }
-        if !layout.specks.is_empty() {
-            tracing::warn!(
-                regions = layout.specks.len(),
-                "protrusions stay that are too long to be sampled well"
-            );
-        }
-        Ok(layout)
     }
 
     fn import(&mut self) -> Result<(ImportedMesh, ImportReport), ConvertError> {
@@ -569,6 +307,19 @@ impl Conversion<'_> {
         })
     }
 
+    fn input_report(&self, import: &ImportReport, account: &Account) -> InputReport {
+        InputReport {
+            path: self.input.display().to_string(),
+            bytes: import.bytes,
+            triangles: import.triangles,
+            vertices: import.vertices,
+            components: account.topology.components,
+            boundary_loops: account.topology.boundary_loops,
+            non_manifold_edges: account.topology.non_manifold_edges,
+            t_junctions: account.t_junctions,
+        }
+    }
+
     fn texture_error(&self, source: TextureError) -> ConvertError {
         ConvertError::Textures {
             path: self.input.to_owned(),
@@ -594,13 +345,13 @@ impl Conversion<'_> {
         source: distance::Mesh<'_>,
         atlas: &build::Atlas,
         clusters: Option<&cluster::Layer>,
-        lattice: &Lattice,
-        diagonal: f64,
+        frame: &Frame,
     ) -> Result<ErrorReport, ConvertError> {
-        let (mut positions, mut triangles) = quantize::finest_surface(&atlas.charts, lattice);
+        let (mut positions, mut triangles) =
+            quantize::finest_surface(&atlas.charts, &frame.lattice);
         let mut bound = atlas.max_error;
         if let Some(layer) = clusters {
-            cluster::append_finest(&layer.root, lattice, &mut positions, &mut triangles);
+            cluster::append_finest(&layer.root, &frame.lattice, &mut positions, &mut triangles);
             bound = bound.max(layer.max_error);
         }
         let measured = distance::measure(
@@ -616,8 +367,8 @@ impl Conversion<'_> {
             source,
         })?;
         let relative = |length: f64| {
-            if diagonal > 0.0 {
-                length / diagonal
+            if frame.diagonal > 0.0 {
+                length / frame.diagonal
             } else {
                 0.0
             }
@@ -715,48 +466,6 @@ impl Conversion<'_> {
             clusters: clusters.map(|layer| layer.summary).unwrap_or_default(),
         })
     }
-}
-
-/// How far from the surface a cap may be, where every handle got such a one.
-fn cap_reach(mesh: &ManifoldMesh, target: f64) -> f64 {
-    let area = |t: &[u32; 3]| {
-        let [a, b, c] = t.map(|v| mesh.positions[v as usize]);
-        (b - a).cross(c - a).length() / 2.0
-    };
-    let total: f64 = mesh.triangles.iter().map(area).sum();
-    let each = CAP_SHARE * target.powi(2) * total / handles(mesh).max(1) as f64;
-    (CAP_OVER_TARGET * target).min((each / 2.0).powf(0.25))
-}
-
-/// Handles of all components together, from the Euler characteristic; 0 where cuts make that meaningless.
-fn handles(mesh: &ManifoldMesh) -> usize {
-    let open = mesh.twins.iter().filter(|&&t| t == NONE).count();
-    let edges = mesh.twins.len().midpoint(open);
-    let (_, components) = mesh.components();
-    let loops = boundary_loops(mesh);
-    // V - E + F = 2 (components - handles) - loops
-    let vertices_and_faces = mesh.positions.len() + mesh.triangles.len() + loops;
-    let doubled = (2 * components as usize + edges).saturating_sub(vertices_and_faces);
-    doubled / 2
-}
-
-fn boundary_loops(mesh: &ManifoldMesh) -> usize {
-    let corner = |h: usize| mesh.triangles[h / 3][h % 3];
-    let mut following = vec![NONE; mesh.positions.len()];
-    for h in (0..mesh.twins.len()).filter(|&h| mesh.twins[h] == NONE) {
-        following[corner(h) as usize] = corner(h / 3 * 3 + (h % 3 + 1) % 3);
-    }
-    let mut loops = 0;
-    for start in 0..following.len() {
-        let mut at = start;
-        let mut length = 0;
-        while following[at] != NONE {
-            at = std::mem::replace(&mut following[at], NONE) as usize;
-            length += 1;
-        }
-        loops += usize::from(length > 0);
-    }
-    loops
 }
 
 fn bounds(positions: &[DVec3]) -> (DVec3, DVec3) {

@@ -14,6 +14,8 @@ use std::ops::Range;
 pub const MAX_CLUSTER_VERTICES: usize = 256;
 /// Most triangles of a cluster.
 pub const MAX_CLUSTER_TRIANGLES: usize = 256;
+/// Most children of a node.
+pub const MAX_CLUSTER_CHILDREN: usize = 255;
 /// Most levels of a tree of clusters, the root's included.
 pub const MAX_CLUSTER_LEVELS: u8 = 32;
 

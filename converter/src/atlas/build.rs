@@ -111,8 +111,12 @@ impl Surface<'_> {
     }
 }
 
-/// Samples every chart as deep as the error of the whole asks.
-pub fn build(surface: &Surface<'_>, progress: &(dyn Fn(f64) + Sync)) -> Atlas {
+/// Samples every chart as deep as the error of the whole asks; `None` where that takes more than `most_samples`.
+pub fn build(
+    surface: &Surface<'_>,
+    most_samples: u64,
+    progress: &(dyn Fn(f64) + Sync),
+) -> Option<Atlas> {
     let count = surface.patches.len();
     let done = std::sync::atomic::AtomicUsize::new(0);
     let tick = || {
@@ -130,7 +134,7 @@ pub fn build(surface: &Surface<'_>, progress: &(dyn Fn(f64) + Sync)) -> Atlas {
     let mut left = EXPECTED_LEFT;
     let mut finest: Option<Finest> = None;
     for attempt in 0..ATTEMPTS {
-        let (depth, unfitted) = survey.choose(goal / left);
+        let (depth, unfitted) = survey.choose(goal / left, most_samples)?;
         if finest.as_ref().is_some_and(|last| last.depth == depth) {
             break;
         }
@@ -164,7 +168,7 @@ pub fn build(surface: &Surface<'_>, progress: &(dyn Fn(f64) + Sync)) -> Atlas {
         };
     }
     let Some(finest) = finest else {
-        return Atlas::default();
+        return Some(Atlas::default());
     };
     let charts: Vec<ChartInput> = (0..count)
         .into_par_iter()
@@ -186,13 +190,13 @@ pub fn build(surface: &Surface<'_>, progress: &(dyn Fn(f64) + Sync)) -> Atlas {
         .collect();
     let roots = charts.iter().map(|chart| &chart.root);
     let max_error = roots.clone().map(finest_error).fold(0.0, f32::max);
-    Atlas {
+    Some(Atlas {
         max_error: f64::from(max_error) * surface.lattice.step,
         samples: roots.map(count_samples).sum(),
         charts,
         points: finest.points,
         kept: finest.kept,
-    }
+    })
 }
 
 /// Largest error of the leaves, lattice units.

@@ -11,7 +11,7 @@ use marquetry_format::{Lattice, PageSamples};
 /// of that, squared, to the surface between; a finer one spends bytes on noise.
 const STEP: f64 = 1.4;
 
-/// The lattice of a model with bounds `min`..`max`, whose stored positions are [`STEP`] `target`s apart (a length), or as
+/// The lattice of a model with bounds `min`..`max`, whose stored positions are `STEP` `target`s apart (a length), or as
 /// far apart as the lattice is fine or coarse enough for.
 pub fn lattice(min: DVec3, max: DVec3, target: f64) -> Lattice {
     let size = (max - min).max_element();

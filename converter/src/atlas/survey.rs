@@ -149,7 +149,9 @@ impl<'a> Survey<'a> {
 
     /// The cheapest balanced trees whose mean squared error is at most `goal`, as far as depth can bring it there, and what
     /// their mean squared error is.
-    pub(super) fn choose(&mut self, goal: f64) -> (Depth, f64) {
+    ///
+    /// `None` where they have more than `most` samples.
+    pub(super) fn choose(&mut self, goal: f64, most: u64) -> Option<(Depth, f64)> {
         let goal = goal * self.area;
         // Mending the largest error lowers the mean one too, which then needs less by itself.
         let mut mean_goal = goal;
@@ -159,6 +161,10 @@ impl<'a> Survey<'a> {
             for _ in 0..ROUNDS {
                 let price;
                 (depth, price) = self.cheapest(mean_goal);
+                // What is tried later may make others needless, but not many.
+                if count(&depth) > most.saturating_mul(2) {
+                    return None;
+                }
                 if !self.grow(&depth, price) {
                     break;
                 }
@@ -175,7 +181,7 @@ impl<'a> Survey<'a> {
             mean_goal *= (goal / squares).min(MOST_RAISE);
         }
         let (depth, squares) = best.unwrap_or_default();
-        (depth, squares / self.area.max(f64::MIN_POSITIVE))
+        (count(&depth) <= most).then(|| (depth, squares / self.area.max(f64::MIN_POSITIVE)))
     }
 
     /// The highest price of a sample at which the goal is met, and what is chosen at it; the lowest price if none does.
@@ -582,13 +588,13 @@ mod tests {
         let surface = model.surface(2e-3);
         let mut survey = Survey::new(&surface, &samplers, &|| {});
         let goal = surface.target.powi(2);
-        let (depth, reached) = survey.choose(goal);
+        let (depth, reached) = survey.choose(goal, u64::MAX).unwrap();
         assert!(reached <= goal, "{reached} {goal}");
         assert_eq!(depth.roots[0], 1);
         assert!(depth.roots[1] >= 3);
         // A tighter goal takes more, a looser one less.
-        let (finer, _) = survey.choose(0.01 * goal);
-        let (coarser, _) = survey.choose(100.0 * goal);
+        let (finer, _) = survey.choose(0.01 * goal, u64::MAX).unwrap();
+        let (coarser, _) = survey.choose(100.0 * goal, u64::MAX).unwrap();
         assert!(count(&finer) > count(&depth) && count(&depth) > count(&coarser));
     }
 
@@ -602,7 +608,7 @@ mod tests {
         let samplers = model.samplers();
         let surface = model.surface(1e-4);
         let mut survey = Survey::new(&surface, &samplers, &|| {});
-        let (depth, _) = survey.choose(surface.target.powi(2));
+        let (depth, _) = survey.choose(surface.target.powi(2), u64::MAX).unwrap();
         let most = SAMPLES_AT_LEAST as u64;
         // The price has a floor, which is no strict limit; without it this takes every sample there is.
         let all = 2 << (2 * (PAGE_RESOLUTION + DEEPEST_LEVEL));
@@ -625,7 +631,9 @@ mod tests {
             });
             worst
         };
-        let (depth, _) = survey.choose((4.0 * surface.target).powi(2));
+        let (depth, _) = survey
+            .choose((4.0 * surface.target).powi(2), u64::MAX)
+            .unwrap();
         assert!(worst(&survey, &depth) <= MAX_OVER_TARGET * surface.target);
     }
 }

@@ -3,7 +3,7 @@
 //! The distance to one triangle is a convex function, so over a triangle of the other mesh its maximum is at a corner:
 //! the least such maximum over all triangles of the first bounds the distance of the second. Where that is much above
 //! what is seen at the corners, the triangle is halved across its longest edge.
-//! Limit: only triangles that are nearest to a corner or to the centre are tried, and after [`DEPTH`] halvings the bound stays
+//! Limit: only triangles that are nearest to a corner or to the centre are tried, and after `DEPTH` halvings the bound stays
 //! as loose as it is. It is a bound all the same.
 
 use glam::DVec3;

@@ -1,15 +1,13 @@
 //! Which components are too small for charts.
 //!
 //! A component hangs together by welded vertices, cuts made for topology's sake included: no crack can open within one.
-//! It is small if a leaf has room for it as it is.
+//! It is small if a leaf has room for it as it is. Larger ones follow only where charts turn out to cost more.
 
+use super::leaf;
 use crate::mesh::adjacency::{UnionFind, id, label};
 use crate::mesh::{ManifoldMesh, NONE};
 use glam::DVec3;
 use marquetry_format::cluster::{MAX_CLUSTER_TRIANGLES, MAX_CLUSTER_VERTICES};
-
-/// Most triangles of a small component: about where a dozen charts take as many bytes (`ARCHITECTURE.md`).
-pub const MOST_TRIANGLES: usize = MAX_CLUSTER_TRIANGLES;
 
 /// A mesh without its small components, and these.
 #[derive(Debug, Default)]
@@ -22,32 +20,62 @@ pub struct Selection {
     pub components: Vec<Vec<u32>>,
 }
 
+/// The components of a mesh.
+struct Components {
+    /// Component of every triangle.
+    of: Vec<u32>,
+    /// Triangles and vertices of every component.
+    sizes: Vec<[usize; 2]>,
+}
+
+impl Components {
+    fn of(mesh: &ManifoldMesh) -> Self {
+        let origins = mesh.origin.iter().map(|&o| o as usize + 1).max();
+        let mut sets = UnionFind::new(origins.unwrap_or(0));
+        for t in &mesh.triangles {
+            let [a, b, c] = t.map(|v| mesh.origin[v as usize]);
+            sets.union(a, b);
+            sets.union(a, c);
+        }
+        let first = |t: &[u32; 3]| mesh.origin[t[0] as usize];
+        let (of, count) = label(&mut sets, mesh.triangles.iter().map(first));
+        let mut sizes = vec![[0usize; 2]; count as usize];
+        let mut is_counted = vec![false; mesh.positions.len()];
+        for (t, &component) in mesh.triangles.iter().zip(&of) {
+            let size = &mut sizes[component as usize];
+            size[0] += 1;
+            for &v in t {
+                let is_new = !std::mem::replace(&mut is_counted[v as usize], true);
+                size[1] += usize::from(is_new);
+            }
+        }
+        Self { of, sizes }
+    }
+
+    /// Lists of the triangles of the `wanted` components, numbered as if there were no others, from `first` on.
+    fn lists(&self, wanted: &[bool], first: u32) -> Vec<Vec<u32>> {
+        let mut lists: Vec<Vec<u32>> = Vec::new();
+        let mut place = vec![NONE; self.sizes.len()];
+        let chosen = self.of.iter().filter(|&&c| wanted[c as usize]);
+        for (next, &component) in (first..).zip(chosen) {
+            let slot = &mut place[component as usize];
+            if *slot == NONE {
+                *slot = id(lists.len());
+                lists.push(Vec::new());
+            }
+            lists[*slot as usize].push(next);
+        }
+        lists
+    }
+}
+
 /// Takes the small components out of `mesh`. Every triangle is in one part or the other.
 pub fn select(mesh: ManifoldMesh) -> Selection {
-    let origins = mesh.origin.iter().map(|&o| o as usize + 1).max();
-    let origins = origins.unwrap_or(0);
-    let mut sets = UnionFind::new(origins);
-    for t in &mesh.triangles {
-        let [a, b, c] = t.map(|v| mesh.origin[v as usize]);
-        sets.union(a, b);
-        sets.union(a, c);
-    }
-    let first = |t: &[u32; 3]| mesh.origin[t[0] as usize];
-    let (components, count) = label(&mut sets, mesh.triangles.iter().map(first));
-    let mut triangles = vec![0usize; count as usize];
-    let mut vertices = vec![0usize; count as usize];
-    let mut is_counted = vec![false; mesh.positions.len()];
-    for (t, &component) in mesh.triangles.iter().zip(&components) {
-        triangles[component as usize] += 1;
-        for &v in t {
-            let is_new = !std::mem::replace(&mut is_counted[v as usize], true);
-            vertices[component as usize] += usize::from(is_new);
-        }
-    }
-    let is_small: Vec<bool> = triangles
+    let components = Components::of(&mesh);
+    let is_small: Vec<bool> = components
+        .sizes
         .iter()
-        .zip(&vertices)
-        .map(|(&t, &v)| t <= MOST_TRIANGLES && v <= MAX_CLUSTER_VERTICES)
+        .map(|&[t, v]| t <= MAX_CLUSTER_TRIANGLES && v <= MAX_CLUSTER_VERTICES)
         .collect();
     if !is_small.contains(&true) {
         return Selection {
@@ -55,26 +83,43 @@ pub fn select(mesh: ManifoldMesh) -> Selection {
             ..Selection::default()
         };
     }
-    let mut lists: Vec<Vec<u32>> = Vec::new();
-    let mut next = 0u32;
-    let mut place = vec![NONE; count as usize];
-    for &component in &components {
-        if !is_small[component as usize] {
-            continue;
-        }
-        let slot = &mut place[component as usize];
-        if *slot == NONE {
-            *slot = id(lists.len());
-            lists.push(Vec::new());
-        }
-        lists[*slot as usize].push(next);
-        next += 1;
-    }
-    let goes = |t: usize| is_small[components[t] as usize];
+    let goes = |t: usize| is_small[components.of[t] as usize];
     Selection {
         rest: part(&mesh, |t| !goes(t)),
         small: part(&mesh, goes),
-        components: lists,
+        components: components.lists(&is_small, 0),
+    }
+}
+
+impl Selection {
+    /// Whether [`Self::take_all`] would.
+    pub fn can_take_all(&self) -> bool {
+        let fits = |&[t, v]: &[usize; 2]| t <= leaf::MOST_TRIANGLES && v <= leaf::MOST_TRIANGLES;
+        Components::of(&self.rest).sizes.iter().all(fits)
+    }
+
+    /// Counts the rest among the small components, where [`Self::can_take_all`].
+    pub fn take_all(&mut self) {
+        let found = Components::of(&self.rest);
+        let wanted = vec![true; found.sizes.len()];
+        let (first, vertices) = (
+            id(self.small.triangles.len()),
+            id(self.small.positions.len()),
+        );
+        self.components.extend(found.lists(&wanted, first));
+        let rest = std::mem::take(&mut self.rest);
+        let small = &mut self.small;
+        let origins = small.origin.iter().map(|&o| o + 1).max().unwrap_or(0);
+        let corners = |t: &[u32; 3]| t.map(|v| vertices + v);
+        small.triangles.extend(rest.triangles.iter().map(corners));
+        small
+            .origin
+            .extend(rest.origin.iter().map(|&o| origins + o));
+        small.positions.extend(rest.positions);
+        small.normals.extend(rest.normals);
+        small.colours.extend(rest.colours);
+        // Who is beside whom means nothing to clusters.
+        small.twins = Vec::new();
     }
 }
 

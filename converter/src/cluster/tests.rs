@@ -229,3 +229,48 @@ fn the_same_for_any_number_of_threads() {
     };
     assert_eq!(built(1), built(4));
 }
+
+#[test]
+fn a_component_that_fits_no_leaf_is_one_node_with_its_parts_below() {
+    let mesh = joined(sheet(40), &cubes(3));
+    let (mesh, _) = prepare(mesh).unwrap();
+    let lattice = lattice(&mesh, 1e-3);
+    let mut selection = select::select(mesh);
+    assert_eq!(selection.components.len(), 3);
+    assert!(selection.can_take_all());
+    selection.take_all();
+    assert!(selection.rest.triangles.is_empty());
+    assert_eq!(selection.components.len(), 4);
+    let mesh = &selection.small;
+    assert_eq!(mesh.triangles.len(), 3200 + 36);
+    let layer = build(mesh, &selection.components, &lattice, true);
+    assert_eq!(layer.summary.triangles, 3200 + 36);
+
+    let sheet = layer.root.children.iter().find(|c| !c.children.is_empty());
+    let sheet = sheet.unwrap();
+    assert!(sheet.children.iter().all(|part| part.children.is_empty()));
+    let below: usize = sheet.children.iter().map(|c| c.mesh.triangles.len()).sum();
+    assert_eq!(below, 3200);
+    assert!(sheet.children.len() >= 13 && sheet.children.len() <= 26);
+    // A sheet without its rim has every edge twice, also where parts meet.
+    let mut edges = std::collections::BTreeMap::new();
+    for part in &sheet.children {
+        for t in &part.mesh.triangles {
+            for k in 0..3 {
+                let end = |k: usize| part.mesh.positions[usize::from(t[k % 3])];
+                let (a, b) = (end(k), end(k + 1));
+                *edges.entry((a.min(b), a.max(b))).or_insert(0) += 1;
+            }
+        }
+    }
+    assert_eq!(edges.values().filter(|&&n| n == 1).count(), 4 * 40);
+    assert!(edges.values().all(|&n| n <= 2));
+    assert!(sheet.error >= sheet.children[0].error);
+}
+
+#[test]
+fn components_of_more_parts_than_a_node_has_children_are_not_taken() {
+    let (mesh, _) = prepare(sheet(130)).unwrap();
+    assert!(mesh.triangles.len() > leaf::MOST_TRIANGLES);
+    assert!(!select::select(mesh).can_take_all());
+}

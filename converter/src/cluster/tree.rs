@@ -1,4 +1,4 @@
-//! Coarser clusters over the leaves, level by level.
+//! Coarser clusters over those of the components, level by level.
 //!
 //! Neighbours along the curve are joined four at a time. A node's error is the bound of its distance to its children and,
 //! on top of it, the largest of theirs: distances between sets add up, so it bounds the distance to the source, and it
@@ -13,9 +13,9 @@ use rayon::prelude::*;
 /// Most children of a node.
 const FAN_OUT: usize = 4;
 
-/// The root over `leaves`, of which there is at least one.
-pub fn tree(leaves: Vec<ClusterInput>) -> ClusterInput {
-    let mut level = leaves;
+/// The root over `nodes`, of which there is at least one.
+pub fn tree(nodes: Vec<ClusterInput>) -> ClusterInput {
+    let mut level = nodes;
     while level.len() > 1 {
         let groups = level.len().div_ceil(FAN_OUT);
         // Of nearly equal size, so that none has a single child.

@@ -2,12 +2,12 @@
 //!
 //! Every handle costs the segmentation three regions, however small it is; range scans are full of tunnels of a few
 //! edges. Where a closed path of edges that does not separate the surface is short, the surface is cut along it and both
-//! openings are closed by a fan around the loop's centre ([`caps`]): one handle less, and every imported triangle is still there.
+//! openings are closed by a fan around the loop's centre (`caps`): one handle less, and every imported triangle is still there.
 //!
 //! Method: a spanning tree and a spanning tree of the dual that avoids it leave two edges a handle
 //! (Eppstein, "Dynamic generators of topologically embedded graphs", 2003; shortest loops as in Erickson & Whittlesey, "Greedy
 //! optimal homotopy and homology generators", 2005). Those edges only say where to look: around them balls of bounded
-//! radius are searched for their shortest loop through the middle that does not separate ([`search`]).
+//! radius are searched for their shortest loop through the middle that does not separate (`search`).
 //!
 //! Limits: loops are paths of edges, a few percent longer than they could be; a loop that touches an open border is left
 //! alone; so is a handle whose opening is wider than the bound allows, for the cap would be that far from the source.

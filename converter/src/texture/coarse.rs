@@ -1,7 +1,7 @@
 //! Vertex colours of a textured mesh: the mean of the texture over the triangles around each vertex.
 //!
 //! They are what the samples of the geometry carry, so the surface has its colours before any tile is there. A triangle's
-//! mean is taken over at most [`MOST_SAMPLES`] places, spread evenly; it is weighted by the triangle's area.
+//! mean is taken over at most `MOST_SAMPLES` places, spread evenly; it is weighted by the triangle's area.
 
 use super::appearance::{Appearance, Material, TexturedFace};
 use super::images::{ImageError, ImageStore, Texels};

@@ -1,7 +1,7 @@
 //! How many texels a chart is worth.
 //!
 //! Along u and along v, the density of the source's texels over the chart (texels a unit of the square) is taken for every
-//! textured triangle; the chart gets the density that [`SHARE`] of its textured area does not exceed. Parts with fewer are
+//! textured triangle; the chart gets the density that `SHARE` of its textured area does not exceed. Parts with fewer are
 //! stored at coarser levels only, where that shows no difference.
 
 use super::appearance::TexturedFace;

@@ -1,8 +1,8 @@
 //! From a chart's finest texels to its tree of tiles.
 //!
 //! Coarser levels are area means in linear light. A tile is kept where it, or one below it, shows something that its parent,
-//! magnified, does not: where in some block of [`BLOCK`]² texels the root mean square of the difference exceeds
-//! [`VISIBLE`] sRGB steps. Smooth areas, and areas with fewer source texels than the chart, so cost nothing.
+//! magnified, does not: where in some block of `BLOCK`² texels the root mean square of the difference exceeds
+//! `VISIBLE` sRGB steps. Smooth areas, and areas with fewer source texels than the chart, so cost nothing.
 
 use super::density::ChartTexels;
 use super::light::Light;

@@ -1,7 +1,7 @@
 //! Texels of a chart, sampled from the source.
 //!
 //! Every triangle of the patch is rasterized over the texels' centres; the first triangle by index owns a centre. A texel
-//! whose footprint on the image is longer than a texel there is the mean of up to [`MOST_SAMPLES`]² samples spread over
+//! whose footprint on the image is longer than a texel there is the mean of up to `MOST_SAMPLES`² samples spread over
 //! it. Texels that rounding leaves without a triangle get that of their neighbour.
 
 use super::appearance::{Material, TexturedFace};

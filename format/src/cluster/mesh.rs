@@ -4,12 +4,16 @@
 //! number that the next new vertex gets: mostly small, and 0 for a new vertex. Positions, normals and colours are stored
 //! against those of the corner before, which shares a triangle with them.
 
-use super::{ClusterMesh, MAX_CLUSTER_TRIANGLES, MAX_CLUSTER_VERTICES};
+use super::ClusterMesh;
+#[cfg(not(target_arch = "wasm32"))]
+use super::{MAX_CLUSTER_TRIANGLES, MAX_CLUSTER_VERTICES};
 use crate::Error;
 use crate::bytes::Cursor;
 use crate::codec::packing::{self, Method};
 use crate::codec::page::Coding;
-use crate::codec::payload::{PartBytes, unzigzag};
+#[cfg(not(target_arch = "wasm32"))]
+use crate::codec::payload::PartBytes;
+use crate::codec::payload::unzigzag;
 use crate::codec::sample::{Colour, Normal, Position, Sample};
 use crate::lattice::LATTICE_BITS;
 

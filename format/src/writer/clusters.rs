@@ -11,7 +11,8 @@ use super::{ClusterInput, coded};
 use crate::cluster::directory::{self, Facts};
 use crate::cluster::mesh::{encode, in_order};
 use crate::cluster::{
-    ClusterMesh, MAX_CLUSTER_LEVELS, MAX_CLUSTER_TRIANGLES, MAX_CLUSTER_VERTICES,
+    ClusterMesh, MAX_CLUSTER_CHILDREN, MAX_CLUSTER_LEVELS, MAX_CLUSTER_TRIANGLES,
+    MAX_CLUSTER_VERTICES,
 };
 use crate::codec::page::Coding;
 use crate::header::checksum;
@@ -130,7 +131,7 @@ fn in_levels(root: &ClusterInput) -> Result<Vec<Node<'_>>, Error> {
             level_end = nodes.len();
         }
         let children = &nodes[next].input.children;
-        if children.len() == 1 || children.len() > 255 {
+        if children.len() == 1 || children.len() > MAX_CLUSTER_CHILDREN {
             return refuse(
                 "a cluster has no child or 2 to 255",
                 format!("cluster {next} has {}", children.len()),

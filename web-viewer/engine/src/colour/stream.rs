@@ -1,6 +1,6 @@
 //! Fetching the colour directory, index blocks and tiles.
 //!
-//! What fails is asked for again, after pauses that double up to [`LONGEST_PAUSE`].
+//! What fails is asked for again, after pauses that double up to a limit.
 
 use crate::residency::fetch::{Request, RequestId, RequestKind};
 use marquetry_format::{ColourIndex, PageId, TileId};

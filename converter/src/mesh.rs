@@ -5,8 +5,11 @@
 
 pub mod account;
 pub mod adjacency;
+pub mod caps;
 mod check;
 pub mod duplicates;
+mod fans;
+pub mod fingers;
 pub mod handles;
 pub mod manifold;
 mod normals;
@@ -65,7 +68,7 @@ pub struct ManifoldMesh {
     pub triangles: Vec<[u32; 3]>,
     /// Opposite half-edge of half-edge `3 * t + k` (which runs from corner k to corner k + 1 of triangle t), or [`NONE`].
     pub twins: Vec<u32>,
-    /// Middle vertices of the caps that [`handles`] put in, ascending; the triangles around them are no part of the import.
+    /// Middle vertices of the caps that [`handles`] and [`fingers`] put in, ascending; the triangles around them are no part of the import.
     pub cap_apexes: Vec<u32>,
 }
 

@@ -53,6 +53,9 @@ pub struct Options {
     pub memory_bytes: u64,
     /// Threads; `None` for all.
     pub threads: Option<usize>,
+    /// Samples for a triangle of the source that charts may take; where they need more, clusters of its triangles are
+    /// smaller (`ARCHITECTURE.md`).
+    pub samples_per_triangle: u64,
 }
 
 impl Default for Options {
@@ -63,6 +66,7 @@ impl Default for Options {
             up: Up::Y,
             memory_bytes: 4 << 30,
             threads: None,
+            samples_per_triangle: 8,
         }
     }
 }
@@ -113,9 +117,6 @@ pub fn convert(
         .run()
     })
 }
-
-/// Where charts need more samples for a triangle of the source, its triangles are smaller (`ARCHITECTURE.md`).
-const MOST_SAMPLES_A_TRIANGLE: u64 = 8;
 
 /// Samples of the measurement of the written file, each way, beside all vertices.
 const MEASURED_SAMPLES: u64 = 100_000;
@@ -191,19 +192,24 @@ impl Conversion<'_> {
         let mut selection = cluster::select::select(mesh);
         // Clusters show no textures.
         let most_samples = if !textures.has_images() && selection.can_take_all() {
-            MOST_SAMPLES_A_TRIANGLE * selection.rest.triangles.len() as u64
+            (selection.rest.triangles.len() as u64)
+                .saturating_mul(self.options.samples_per_triangle)
         } else {
             u64::MAX
         };
-        let charts = self.charts(&mut selection.rest, &textures, &frame, most_samples)?;
+        let caps = self.cut(&mut selection, &textures, &frame)?;
+        let charts = self.charts(&selection.rest, &caps, &textures, &frame, most_samples)?;
+        let charts = charts.unwrap_or_else(|| {
+            selection.take_all(caps.source_triangles);
+            Charts::default()
+        });
         let Charts {
             atlas,
             colour,
             layout,
-        } = charts.unwrap_or_else(|| {
-            selection.take_all();
-            Charts::default()
-        });
+        } = charts;
+        // Caps are no part of the source.
+        selection.rest.triangles.truncate(caps.source_triangles);
         let Selection {
             rest: surface,
             small,

@@ -64,6 +64,8 @@ pub struct LayoutReport {
     pub chart_area: AreaReport,
     /// Handles that were cut and capped for the layout's sake.
     pub handles_cut: usize,
+    /// Thin fingers that were cut off and became clusters.
+    pub fingers_cut: usize,
     /// Triangles of the caps: no part of the input.
     pub cap_triangles: usize,
     /// Bound of the distance from the caps to the input, relative to the diagonal of its bounds.

@@ -80,6 +80,7 @@ pub(super) fn run(
         },
         memory_bytes: arguments.memory,
         threads: common.threads.map(std::num::NonZeroUsize::get),
+        ..Options::default()
     };
     let progress = Display::new(common.progress);
     let result = pipeline::convert(input, &arguments.output, &options, &progress);

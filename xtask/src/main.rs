@@ -7,6 +7,7 @@ mod bless;
 mod browser;
 mod conformance;
 mod demo;
+mod fuzz;
 mod layering;
 mod package;
 mod process;
@@ -38,6 +39,8 @@ usage: cargo xtask COMMAND
                 throughput beside nginx, slow clients, 10 000 idle connections (5 minutes)
   soak [REQUESTS]
                 a million requests while sources fail and the server is killed
+  fuzz [SECONDS]
+                every fuzz target, for so long each (60 s)
   conformance   HTTP/2 and header checks of the server by other people's tools";
 
 fn main() -> ExitCode {
@@ -74,6 +77,11 @@ fn dispatch(arguments: &[String]) -> Result<ExitCode> {
                 .parse()
                 .context("soak takes a number of requests")?;
             traffic::soak::run(&Project::locate()?, requests).map(done)
+        }
+        ["fuzz"] => fuzz::run(&Project::locate()?, fuzz::SECONDS).map(done),
+        ["fuzz", seconds] => {
+            let seconds = seconds.parse().context("fuzz takes a number of seconds")?;
+            fuzz::run(&Project::locate()?, seconds).map(done)
         }
         ["conformance"] => conformance::run(&Project::locate()?).map(done),
         ["bless"] => bless::run(&Project::locate()?).map(done),

@@ -7,9 +7,6 @@ use crate::{browser, conformance, layering, process, project::Project, tools, we
 use anyhow::{Context, Result};
 use std::process::{Command, ExitCode};
 
-/// Seconds that each fuzz target runs.
-const FUZZ_SECONDS: u32 = 20;
-
 /// Runs every check, whatever fails before, and sums up.
 pub(crate) fn run(project: &Project) -> ExitCode {
     println!("All checks: about 30 minutes on two cores the first time, a few minutes after that.");
@@ -68,7 +65,6 @@ pub(crate) fn run(project: &Project) -> ExitCode {
             if built { "set-up" } else { "native build" },
         );
     }
-    steps.run("fuzz", "9 min", || fuzz(project));
     steps.finish()
 }
 
@@ -162,52 +158,6 @@ fn typos(project: &Project) -> Result<Outcome> {
         return Ok(missing("typos", "cargo install --locked typos-cli"));
     }
     process::run(Command::new("typos").current_dir(&project.root)).map(passed)
-}
-
-/// Runs every fuzz target for a short time. They want flags of a nightly compiler, which the stable one takes with
-/// `RUSTC_BOOTSTRAP`; without a sanitizer they need no other standard library.
-fn fuzz(project: &Project) -> Result<Outcome> {
-    if process::find("c++").is_none() {
-        return Ok(fuzz_skipped("there is no C++ compiler for libFuzzer"));
-    }
-    if process::find("cargo-fuzz").is_none() {
-        let install =
-            process::run(process::cargo(&project.root).args(["install", "--locked", "cargo-fuzz"]));
-        if install.is_err() || process::find("cargo-fuzz").is_none() {
-            return Ok(fuzz_skipped("cargo-fuzz cannot be installed"));
-        }
-    }
-    let limit = format!("-max_total_time={FUZZ_SECONDS}");
-    for package in ["format", "converter", "server"] {
-        let fuzz = |arguments: &[&str]| {
-            let mut command = process::cargo(&project.root.join(package));
-            command
-                .arg("fuzz")
-                .args(arguments)
-                .env("RUSTC_BOOTSTRAP", "1");
-            command
-        };
-        let targets = process::output(&mut fuzz(&["list"]))?;
-        for target in targets.lines().filter(|target| !target.is_empty()) {
-            process::run(&mut fuzz(&[
-                "run",
-                "--sanitizer",
-                "none",
-                target,
-                "--",
-                &limit,
-                "-timeout=60",
-                "-max_len=16384",
-            ]))?;
-        }
-    }
-    Ok(Outcome::Passed)
-}
-
-fn fuzz_skipped(why: &str) -> Outcome {
-    Outcome::Skipped(format!(
-        "{why}; the mutants of `cargo test` were run, which are fewer"
-    ))
 }
 
 fn missing(tool: &str, install: &str) -> Outcome {

@@ -32,7 +32,7 @@ const ATTEMPTS: usize = 6;
 /// say little, as at the creases and slivers of CAD models, distances to them do not either.
 const DOUBTFUL: f64 = 0.1;
 /// Samples of that measurement.
-const MEASURED_SAMPLES: u64 = 20_000;
+const MEASURED_SAMPLES: u64 = 100_000;
 /// A result below this part of the goal, squared errors, has more samples than it needs.
 const WASTEFUL: f64 = 0.7;
 
@@ -55,6 +55,8 @@ pub struct Surface<'a> {
     pub target: f64,
     /// Bound of the distance from the caps of cut handles to the source, a length.
     pub cap_distance: f64,
+    /// About the integral of the squared distance between caps and the source; >= 0.
+    pub cap_squares: f64,
 }
 
 /// The charts, and their error at the finest resolution.
@@ -130,7 +132,9 @@ pub fn build(
         .map(|(patch, parametrization)| Sampler::new(patch, parametrization))
         .collect();
     let mut survey = Survey::new(surface, &samplers, &tick);
-    let goal = (AIM * surface.target).powi(2);
+    let area = survey.area.max(f64::MIN_POSITIVE);
+    // Caps are sampled as if they were source.
+    let goal = (AIM * surface.target).powi(2) - surface.cap_squares / area;
     let mut left = EXPECTED_LEFT;
     let mut finest: Option<Finest> = None;
     for attempt in 0..ATTEMPTS {
@@ -139,7 +143,7 @@ pub fn build(
             break;
         }
         let found = Finest::new(surface, &samplers, depth);
-        let estimated = found.squares / survey.area.max(f64::MIN_POSITIVE);
+        let estimated = found.squares / area;
         // Distances to tangent planes say little where the surface is rough: what looks good is measured.
         let reached = if estimated <= goal || found.kept as f64 > DOUBTFUL * found.points as f64 {
             found

@@ -565,6 +565,7 @@ mod tests {
                 colours: false,
                 target,
                 cap_distance: 0.0,
+                cap_squares: 0.0,
             }
         }
 

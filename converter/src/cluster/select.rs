@@ -91,6 +91,9 @@ pub fn select(mesh: ManifoldMesh) -> Selection {
     }
 }
 
+/// No part: a triangle that is left out.
+pub const DROPPED: u32 = NONE - 1;
+
 impl Selection {
     /// Whether [`Self::take_all`] would.
     pub fn can_take_all(&self) -> bool {
@@ -98,26 +101,39 @@ impl Selection {
         Components::of(&self.rest).sizes.iter().all(fits)
     }
 
-    /// Counts the rest among the small components, where [`Self::can_take_all`].
-    pub fn take_all(&mut self) {
-        let found = Components::of(&self.rest);
-        let wanted = vec![true; found.sizes.len()];
-        let (first, vertices) = (
-            id(self.small.triangles.len()),
-            id(self.small.positions.len()),
-        );
-        self.components.extend(found.lists(&wanted, first));
-        let rest = std::mem::take(&mut self.rest);
+    /// Counts the rest among the small components, where [`Self::can_take_all`]; without its triangles from number `source` on, which
+    /// are caps.
+    pub fn take_all(&mut self, source: usize) {
+        let of = Components::of(&self.rest).of;
+        self.take(|t| if t < source { of[t] } else { DROPPED });
+    }
+
+    /// Counts parts of the rest among the small components: `of` says of every triangle which part it goes to, counted
+    /// from 0, whether it stays ([`NONE`]), or is to be in neither ([`DROPPED`]).
+    pub fn take(&mut self, of: impl Fn(usize) -> u32) {
+        let goes = |t: usize| of(t) != NONE && of(t) != DROPPED;
+        let taken = (0..self.rest.triangles.len()).filter(|&t| goes(t));
+        let mut lists: Vec<Vec<u32>> = Vec::new();
+        for (number, t) in (id(self.small.triangles.len())..).zip(taken) {
+            let part = of(t) as usize;
+            lists.resize_with(lists.len().max(part + 1), Vec::new);
+            lists[part].push(number);
+        }
+        lists.retain(|list| !list.is_empty());
+        self.components.extend(lists);
+        let moved = part(&self.rest, goes);
+        self.rest = part(&self.rest, |t| of(t) == NONE);
         let small = &mut self.small;
+        let vertices = id(small.positions.len());
         let origins = small.origin.iter().map(|&o| o + 1).max().unwrap_or(0);
         let corners = |t: &[u32; 3]| t.map(|v| vertices + v);
-        small.triangles.extend(rest.triangles.iter().map(corners));
+        small.triangles.extend(moved.triangles.iter().map(corners));
         small
             .origin
-            .extend(rest.origin.iter().map(|&o| origins + o));
-        small.positions.extend(rest.positions);
-        small.normals.extend(rest.normals);
-        small.colours.extend(rest.colours);
+            .extend(moved.origin.iter().map(|&o| origins + o));
+        small.positions.extend(moved.positions);
+        small.normals.extend(moved.normals);
+        small.colours.extend(moved.colours);
         // Who is beside whom means nothing to clusters.
         small.twins = Vec::new();
     }
@@ -136,7 +152,7 @@ pub fn joined(rest: ManifoldMesh, small: &ManifoldMesh) -> (Vec<DVec3>, Vec<[u32
     (positions, triangles)
 }
 
-/// The triangles of `mesh` that are `kept`, which are whole components, and their vertices.
+/// The triangles of `mesh` that are `kept`, and their vertices.
 fn part(mesh: &ManifoldMesh, kept: impl Fn(usize) -> bool) -> ManifoldMesh {
     let mut rest = ManifoldMesh::default();
     let mut vertex = vec![NONE; mesh.positions.len()];
@@ -178,8 +194,12 @@ fn part(mesh: &ManifoldMesh, kept: impl Fn(usize) -> bool) -> ManifoldMesh {
     {
         rest.twins.extend(twins.iter().map(|&twin| match twin {
             NONE => NONE,
+            twin if triangle[twin as usize / 3] == NONE => NONE,
             twin => 3 * triangle[twin as usize / 3] + twin % 3,
         }));
     }
+    let apexes = mesh.cap_apexes.iter().map(|&v| vertex[v as usize]);
+    rest.cap_apexes = apexes.filter(|&v| v != NONE).collect();
+    rest.cap_apexes.sort_unstable();
     rest
 }

@@ -238,7 +238,7 @@ fn a_component_that_fits_no_leaf_is_one_node_with_its_parts_below() {
     let mut selection = select::select(mesh);
     assert_eq!(selection.components.len(), 3);
     assert!(selection.can_take_all());
-    selection.take_all();
+    selection.take_all(usize::MAX);
     assert!(selection.rest.triangles.is_empty());
     assert_eq!(selection.components.len(), 4);
     let mesh = &selection.small;

@@ -12,26 +12,16 @@
 //! Limits: loops are paths of edges, a few percent longer than they could be; a loop that touches an open border is left
 //! alone; so is a handle whose opening is wider than the bound allows, for the cap would be that far from the source.
 
-mod caps;
 mod search;
 
-use super::adjacency::{UnionFind, end, id, next, previous, start};
+use super::adjacency::{UnionFind, end, id, next, start};
+use super::caps::{self, Caps};
+use super::fans::breadth_first;
 use super::{ManifoldMesh, NONE};
 
-/// What cutting handles did to a mesh.
-#[derive(Debug, Clone, Copy, Default, PartialEq)]
-pub struct Cut {
-    /// Handles cut.
-    pub handles: usize,
-    /// Triangles added to close the openings; they come last.
-    pub cap_triangles: usize,
-    /// Bound of the distance from any point of a cap to the imported surface.
-    pub distance: f64,
-}
-
 /// Cuts and caps every handle that a cap nowhere farther than `distance` (a length) from the surface can close.
-pub fn cut(mesh: &mut ManifoldMesh, distance: f64) -> Cut {
-    let mut done = Cut::default();
+pub fn cut(mesh: &mut ManifoldMesh, distance: f64) -> Caps {
+    let mut done = Caps::default();
     // Loops of one round are disjoint, so handles side by side take more than one.
     for _ in 0..ROUNDS {
         let places = leftover_edges(mesh);
@@ -106,33 +96,6 @@ fn leftover_edges(mesh: &ManifoldMesh) -> Vec<u32> {
     left
 }
 
-/// Steps from the first vertex of its component, and the vertex before, for every vertex.
-fn breadth_first(mesh: &ManifoldMesh) -> (Vec<u32>, Vec<u32>) {
-    let fans = Fans::of(mesh);
-    let mut depth = vec![NONE; mesh.positions.len()];
-    let mut parent = vec![NONE; mesh.positions.len()];
-    let mut queue: Vec<u32> = Vec::with_capacity(mesh.positions.len());
-    for root in 0..id(mesh.positions.len()) {
-        if depth[root as usize] != NONE {
-            continue;
-        }
-        depth[root as usize] = 0;
-        let mut at = queue.len();
-        queue.push(root);
-        while let Some(&v) = queue.get(at) {
-            at += 1;
-            fans.each(mesh, v, |_, w| {
-                if depth[w as usize] == NONE {
-                    depth[w as usize] = depth[v as usize] + 1;
-                    parent[w as usize] = v;
-                    queue.push(w);
-                }
-            });
-        }
-    }
-    (depth, parent)
-}
-
 /// Boundary loop of every half-edge, [`NONE`] inside, and the number of loops.
 fn boundary(mesh: &ManifoldMesh) -> (Vec<u32>, u32) {
     let mut loop_of = vec![NONE; mesh.twins.len()];
@@ -152,44 +115,6 @@ fn boundary(mesh: &ManifoldMesh) -> (Vec<u32>, u32) {
         count += 1;
     }
     (loop_of, count)
-}
-
-/// A half-edge that starts at every vertex; at a border the one from which the whole fan follows.
-struct Fans(Vec<u32>);
-
-impl Fans {
-    fn of(mesh: &ManifoldMesh) -> Self {
-        let mut first = vec![NONE; mesh.positions.len()];
-        for (h, &twin) in (0_u32..).zip(&mesh.twins) {
-            let slot = &mut first[start(&mesh.triangles, h) as usize];
-            if *slot == NONE || twin == NONE {
-                *slot = h;
-            }
-        }
-        Self(first)
-    }
-
-    fn is_open(&self, mesh: &ManifoldMesh, v: u32) -> bool {
-        let first = self.0[v as usize];
-        first == NONE || mesh.twins[first as usize] == NONE
-    }
-
-    /// Visits the half-edges from `v` and their ends, counter-clockwise; of the last edge at a border the incoming half.
-    fn each(&self, mesh: &ManifoldMesh, v: u32, mut visit: impl FnMut(u32, u32)) {
-        let first = self.0[v as usize];
-        let mut h = first;
-        while h != NONE {
-            visit(h, end(&mesh.triangles, h));
-            let incoming = previous(h);
-            h = mesh.twins[incoming as usize];
-            if h == NONE {
-                visit(incoming, start(&mesh.triangles, incoming));
-            }
-            if h == first {
-                break;
-            }
-        }
-    }
 }
 
 #[cfg(test)]

@@ -3,11 +3,13 @@
 use super::{Conversion, ConvertError, Frame};
 use crate::atlas::patch::Patch;
 use crate::atlas::{build, chart_graph};
-use crate::mesh::{ManifoldMesh, NONE, handles};
+use crate::cluster::select::{DROPPED, Selection};
+use crate::mesh::fingers::{self, Fingers};
+use crate::mesh::{ManifoldMesh, NONE, caps, handles};
 use crate::parameterize::{self, Parametrization};
 use crate::quadrangulate::{self, Layout};
 use crate::report::{AreaReport, LayoutReport};
-use crate::segment::{self, Segmentation};
+use crate::segment;
 use crate::texture::stage::Textures;
 use marquetry_format::writer::ColourInput;
 use rayon::prelude::*;
@@ -23,18 +25,78 @@ pub(super) struct Charts {
 /// Handles are cut where a cap stays within so many targets of the surface.
 const CAP_OVER_TARGET: f64 = 25.0;
 
-/// Part of the squared error that all caps together may take. Two round caps of radius r add about 2 r⁴ to its integral.
-const CAP_SHARE: f64 = 0.06;
+/// Part of the squared error that all caps of handles together may take, and those of fingers.
+const CAP_SHARE: f64 = 0.03;
 
-/// Rounds of splitting regions at protrusions; each halves what is left of them.
-const SPLIT_ROUNDS: u32 = 3;
+/// What was cut off a surface before charts are made of it, and the caps that closed it.
+pub(super) struct Caps {
+    handles: caps::Caps,
+    fingers: caps::Caps,
+    /// Triangles of the surface that were imported; those after them are caps.
+    pub(super) source_triangles: usize,
+}
+
+impl Caps {
+    /// Bound of the distance from any point of a cap to the imported surface.
+    fn distance(&self) -> f64 {
+        self.handles.distance.max(self.fingers.distance)
+    }
+
+    /// About what the caps add to the integral of the squared error: both of a handle are seen, and one of a finger.
+    fn squares(&self) -> f64 {
+        2.0 * self.handles.squares + self.fingers.squares
+    }
+}
 
 impl Conversion<'_> {
+    /// Cuts handles, and fingers, which become small components where clusters can show them.
+    pub(super) fn cut(
+        &mut self,
+        selection: &mut Selection,
+        textures: &Textures,
+        frame: &Frame,
+    ) -> Result<Caps, ConvertError> {
+        self.begin("handles")?;
+        let mesh = &mut selection.rest;
+        let mut source_triangles = mesh.triangles.len();
+        let (reach, budget) = cap_reach(mesh, frame.target);
+        // Each handle gets two caps.
+        let each = budget / (2 * handle_count(mesh).max(1)) as f64;
+        let handles = handles::cut(mesh, reach.min(caps::reach(each)));
+        // Clusters show no textures.
+        if textures.has_images() {
+            return Ok(Caps {
+                handles,
+                fingers: caps::Caps::default(),
+                source_triangles,
+            });
+        }
+        let Fingers { caps: fingers, of } = fingers::cut(mesh, reach, budget);
+        if fingers.loops > 0 {
+            let is_source = |t: usize| t < source_triangles;
+            let taken = (0..source_triangles).filter(|&t| of[t] != NONE).count();
+            selection.take(|t| {
+                if is_source(t) || of[t] == NONE {
+                    of[t]
+                } else {
+                    DROPPED
+                }
+            });
+            source_triangles -= taken;
+        }
+        Ok(Caps {
+            handles,
+            fingers,
+            source_triangles,
+        })
+    }
+
     /// Charts of `mesh`, all the way to their samples; none where it has no triangles, `None` where that takes more than
-    /// `most_samples`. Handles are cut in the mesh; triangles of caps come last and are taken off again.
+    /// `most_samples`.
     pub(super) fn charts(
         &mut self,
-        mesh: &mut ManifoldMesh,
+        mesh: &ManifoldMesh,
+        caps: &Caps,
         textures: &Textures,
         frame: &Frame,
         most_samples: u64,
@@ -42,9 +104,6 @@ impl Conversion<'_> {
         if mesh.triangles.is_empty() {
             return Ok(Some(Charts::default()));
         }
-        self.begin("handles")?;
-        let triangles = mesh.triangles.len();
-        let cut = handles::cut(mesh, cap_reach(mesh, frame.target));
         self.begin("segment")?;
         let segmentation = segment::segment(
             mesh,
@@ -56,15 +115,19 @@ impl Conversion<'_> {
             borders,
             regions,
             ..
-        } = self.layout(mesh, segmentation)?;
-        // Caps are no part of the source.
-        mesh.triangles.truncate(triangles);
+        } = quadrangulate::quadrangulate(mesh, &segmentation).map_err(|source| {
+            ConvertError::Layout {
+                path: self.input.to_owned(),
+                source,
+            }
+        })?;
         let layout = LayoutReport {
             regions,
             chart_area: AreaReport::of(patches.par_iter().map(Patch::area).collect()),
-            handles_cut: cut.handles,
-            cap_triangles: cut.cap_triangles,
-            cap_distance_rel: cut.distance / frame.diagonal.max(f64::MIN_POSITIVE),
+            handles_cut: caps.handles.loops,
+            fingers_cut: caps.fingers.loops,
+            cap_triangles: mesh.triangles.len() - caps.source_triangles,
+            cap_distance_rel: caps.distance() / frame.diagonal.max(f64::MIN_POSITIVE),
         };
         let extent = (frame.max - frame.min).max_element();
         chart_graph::sort_along_curve(&mut patches, frame.min, extent.max(f64::MIN_POSITIVE));
@@ -86,7 +149,8 @@ impl Conversion<'_> {
             lattice: frame.lattice,
             colours: frame.has_colours,
             target: frame.target,
-            cap_distance: cut.distance,
+            cap_distance: caps.distance(),
+            cap_squares: caps.squares(),
         };
         let Some(atlas) = build::build(&surface, most_samples, &|done| progress.fraction(done))
         else {
@@ -106,42 +170,6 @@ impl Conversion<'_> {
             layout,
         }))
     }
-
-    /// Quads of the regions; regions with protrusions that no flattening shows are split.
-    fn layout(
-        &self,
-        mesh: &ManifoldMesh,
-        mut segmentation: Segmentation,
-    ) -> Result<Layout, ConvertError> {
-        let quadrangulate = |segmentation: &Segmentation| {
-            quadrangulate::quadrangulate(mesh, segmentation).map_err(|source| {
-                ConvertError::Layout {
-                    path: self.input.to_owned(),
-                    source,
-                }
-            })
-        };
-        let mut layout = quadrangulate(&segmentation)?;
-        let mut split = vec![false; mesh.positions.len()];
-        for _ in 0..SPLIT_ROUNDS {
-            if layout.specks.is_empty() {
-                break;
-            }
-            let Some(parts) = segment::split_at(mesh, &segmentation, &layout.specks, &mut split)
-            else {
-                break;
-            };
-            segmentation = parts;
-            layout = quadrangulate(&segmentation)?;
-        }
-        if !layout.specks.is_empty() {
-            tracing::warn!(
-                regions = layout.specks.len(),
-                "protrusions stay that are too long to be sampled well"
-            );
-        }
-        Ok(layout)
-    }
 }
 
 /// Regions wanted: about 30 for 100 k triangles, 250 for 5 M, and three for every handle.
@@ -159,15 +187,14 @@ fn target_regions(triangles: usize, handles: usize) -> u32 {
     regions
 }
 
-/// How far from the surface a cap may be, where every handle got such a one.
-fn cap_reach(mesh: &ManifoldMesh, target: f64) -> f64 {
+/// How far from the surface caps may be, and what they may all together add to the integral of the squared error.
+fn cap_reach(mesh: &ManifoldMesh, target: f64) -> (f64, f64) {
     let area = |t: &[u32; 3]| {
         let [a, b, c] = t.map(|v| mesh.positions[v as usize]);
         (b - a).cross(c - a).length() / 2.0
     };
     let total: f64 = mesh.triangles.iter().map(area).sum();
-    let each = CAP_SHARE * target.powi(2) * total / handle_count(mesh).max(1) as f64;
-    (CAP_OVER_TARGET * target).min((each / 2.0).powf(0.25))
+    (CAP_OVER_TARGET * target, CAP_SHARE * target.powi(2) * total)
 }
 
 /// Handles of all components together, from the Euler characteristic; 0 where cuts make that meaningless.

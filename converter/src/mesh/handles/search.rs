@@ -1,15 +1,15 @@
 //! The shortest loops that do not separate, near given places.
 
-use super::{Fans, ManifoldMesh, NONE, UnionFind, caps, end, id, previous, start};
+use crate::mesh::adjacency::{UnionFind, end, id, previous, start};
+use crate::mesh::caps::{self, Loop};
+use crate::mesh::fans::Fans;
+use crate::mesh::{ManifoldMesh, NONE};
 use std::cmp::Reverse;
 use std::collections::BinaryHeap;
 
 /// Radius of the balls that are searched, in cap distances. A circle's length is 2π of its radii, and a ball around one of its points
 /// holds it from half of that on; the rest is for places beside the handle.
 const BALL_RADII: f64 = 6.0;
-
-/// A closed path of half-edges, each starting where the one before ends.
-pub(super) type Loop = Vec<u32>;
 
 /// Disjoint loops that together do not separate, and that caps nowhere farther than `distance` can close, found near
 /// `places` (half-edges).

@@ -35,15 +35,12 @@ fn a_thin_handle_is_cut_and_capped() {
     let before = mesh.clone();
     assert_eq!((euler(&mesh), leftover_edges(&mesh).len()), (0, 2));
     let cut = cut(&mut mesh, 0.12);
-    assert_eq!((cut.handles, euler(&mesh)), (1, 2));
+    assert_eq!((cut.loops, euler(&mesh)), (1, 2));
     assert!(leftover_edges(&mesh).is_empty());
     assert_eq!(mesh.check(), Ok(()));
     // Around the tube lie 12 edges; both sides get a fan.
-    assert_eq!(cut.cap_triangles, 24);
-    assert_eq!(
-        mesh.triangles.len(),
-        before.triangles.len() + cut.cap_triangles
-    );
+    assert_eq!(cut.triangles, 24);
+    assert_eq!(mesh.triangles.len(), before.triangles.len() + cut.triangles);
     assert!((0.05..0.12).contains(&cut.distance), "{}", cut.distance);
     let corners =
         |mesh: &ManifoldMesh, t: usize| mesh.triangles[t].map(|v| mesh.origin[v as usize]);
@@ -57,7 +54,7 @@ fn a_thin_handle_is_cut_and_capped() {
 fn a_wide_handle_stays() {
     let mut mesh = torus(60, 12, 0.1);
     let before = mesh.triangles.clone();
-    assert_eq!(cut(&mut mesh, 0.05), Cut::default());
+    assert_eq!(cut(&mut mesh, 0.05), Caps::default());
     assert_eq!(mesh.triangles, before);
 }
 
@@ -80,5 +77,5 @@ fn open_and_simple_surfaces_have_nothing_to_cut() {
     // A tube's loop separates its two ends, which are open.
     let mut tube = prepare(open).unwrap().0;
     assert!(leftover_edges(&tube).is_empty());
-    assert_eq!(cut(&mut tube, 10.0), Cut::default());
+    assert_eq!(cut(&mut tube, 10.0), Caps::default());
 }

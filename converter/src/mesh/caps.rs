@@ -1,8 +1,34 @@
-//! Cutting along loops, and the caps.
+//! Cutting along loops of edges, and closing both openings by fans around the loop's centre.
 
-use super::search::Loop;
-use super::{Cut, ManifoldMesh, NONE, end, id, next, start};
+use super::adjacency::{end, id, next, start};
+use super::{ManifoldMesh, NONE};
 use glam::DVec3;
+
+/// A closed path of half-edges, each starting where the one before ends.
+pub(super) type Loop = Vec<u32>;
+
+/// The distance whose [`squares`] are these.
+pub fn reach(squares: f64) -> f64 {
+    (6.0 / std::f64::consts::PI * squares).powf(0.25)
+}
+
+/// What cutting along loops did to a mesh.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub struct Caps {
+    /// Loops that were cut.
+    pub loops: usize,
+    /// Triangles added to close the openings; they come last.
+    pub triangles: usize,
+    /// Bound of the distance from any point of a cap to the imported surface.
+    pub distance: f64,
+    /// About the integral of the squared distance to the imported surface over one cap of each loop.
+    pub squares: f64,
+}
+
+/// About that integral for a cap of this distance: that of a disk's squared distance to its rim.
+pub(super) fn squares(distance: f64) -> f64 {
+    std::f64::consts::PI / 6.0 * distance.powi(4)
+}
 
 /// Halvings of a cap's triangles while its distance is bounded.
 const HALVINGS: u32 = 3;
@@ -56,12 +82,14 @@ fn bound(corners: [DVec3; 3], segments: &[[DVec3; 2]], halvings: u32) -> f64 {
 }
 
 /// Cuts `mesh` along disjoint loops and caps both sides of each.
-pub(super) fn cut(mesh: &mut ManifoldMesh, loops: &[Loop], done: &mut Cut) {
+pub(super) fn cut(mesh: &mut ManifoldMesh, loops: &[Loop], done: &mut Caps) {
     let first_origin = mesh.origin.iter().map(|&o| o + 1).max().unwrap_or(0);
     for (path, origin) in loops.iter().zip(first_origin..) {
-        done.handles += 1;
-        done.cap_triangles += 2 * path.len();
-        done.distance = done.distance.max(distance(mesh, path));
+        done.loops += 1;
+        done.triangles += 2 * path.len();
+        let reach = distance(mesh, path);
+        done.distance = done.distance.max(reach);
+        done.squares += squares(reach);
         let centre = centre(mesh, path);
         let other_side: Vec<u32> = path.iter().rev().map(|&h| mesh.twins[h as usize]).collect();
         separate(mesh, path);

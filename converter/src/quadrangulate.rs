@@ -6,7 +6,7 @@
 //! of the spokes are simple and meet only in the centre, so no path search is needed. Every corner of the region then
 //! has its own quad: centre, middle of a side, corner, middle of the next side.
 //!
-//! Limit: what sticks out far inside a region is shrunk all the same, and sampled less for it.
+//! Limit: a protrusion inside a region shrinks to a speck of the polygon; it is reported for the region to be split.
 
 mod arcs;
 mod region;
@@ -28,6 +28,9 @@ pub struct Layout {
     pub borders: Vec<Border>,
     /// Regions that the patches were cut from.
     pub regions: u32,
+    /// Vertices of the mesh around which a flattening has shrunk the surface too much: tips of protrusions, at which to
+    /// split the regions.
+    pub specks: Vec<u32>,
 }
 
 /// A region that could not be cut into quads.
@@ -75,10 +78,11 @@ pub fn quadrangulate(
         .enumerate()
         .map(|(id, outline)| {
             let id = u32::try_from(id).unwrap_or(u32::MAX);
-            let region = region::Region::new(id, &points, &arcs, &outline)?;
+            let region = region::Region::new(id, mesh.positions.len(), &points, &arcs, &outline)?;
             spokes::cut(region)
         })
         .collect::<Result<_, _>>()?;
+    let specks = cut.iter().filter_map(|c| c.speck).collect();
     let mut patches = Vec::with_capacity(cut.iter().map(|c| c.patches.len()).sum());
     for mut region in cut {
         let first_spoke = u32::try_from(borders.len()).unwrap_or(u32::MAX);
@@ -93,5 +97,6 @@ pub fn quadrangulate(
         patches,
         borders,
         regions: segmentation.regions,
+        specks,
     })
 }

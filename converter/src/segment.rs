@@ -3,13 +3,15 @@
 //! Method: vertices are merged bottom-up under the link condition (`contract`), which is valid for any genus and boundary
 //! but leaves ragged borders. Voronoi cells of the regions' centres straighten them (`voronoi`); where those
 //! are not valid, seeds are added until they are (`repair`), and the cells are merged again under the link
-//! condition. One more Lloyd iteration, vertex by vertex and valid at every step, makes the unions round (`relax`).
+//! condition. One more Lloyd iteration, vertex by vertex and valid at every step, makes the unions round (`relax`). A region that sticks out too far to
+//! be flattened is split when somebody has tried ([`split_at()`]).
 //! [`verify()`] checks the result by counting. All lengths are relative; equal input gives equal output.
 //! Limits: the count exceeds the target where handles and boundary loops ask for more; a pillow (two triangles with the
 //! same corners) cannot be segmented.
 
 mod complex;
 mod contract;
+mod protrude;
 mod relax;
 mod repair;
 mod surface;
@@ -31,6 +33,7 @@ mod test_scans;
 #[expect(clippy::cast_possible_truncation, reason = "test meshes are small")]
 mod tests;
 
+pub use protrude::split_at;
 pub use verify::{Violation, verify};
 
 use crate::mesh::{ManifoldMesh, NONE};
@@ -63,7 +66,7 @@ pub fn segment(mesh: &ManifoldMesh, target_regions: u32) -> Segmentation {
     let goals = goals(&surface, target_regions);
     let mut labels = merge_vertices(&surface, &goals);
     let cells = straighten(mesh, &surface, &labels);
-    labels = merge_cells(mesh, &surface, &cells, &goals);
+    labels = merge_cells(mesh, &surface, &cells, &goals, &[]);
     let distances = relax(mesh, &surface, &mut labels);
     let crossings = voronoi::crossings(mesh, &surface, &labels.of, &distances);
     for label in &mut labels.of {
@@ -208,12 +211,13 @@ fn relax(mesh: &ManifoldMesh, surface: &Surface, labels: &mut Labels) -> Vec<f64
     distances
 }
 
-/// Merges cells down to the goals.
+/// Merges cells down to the goals; cells with a vertex that is `locked` (none if empty) stay.
 fn merge_cells(
     mesh: &ManifoldMesh,
     surface: &Surface,
     voronoi: &Voronoi,
     goals: &[Goal],
+    locked: &[bool],
 ) -> Labels {
     let cells = Labels::numbered(
         voronoi.labels.clone(),
@@ -236,6 +240,9 @@ fn merge_cells(
         }
     }
     let mut partition = Partition::new(adjacency(mesh, surface, &cells), means);
+    for (&label, _) in cells.of.iter().zip(locked).filter(|&(_, &locked)| locked) {
+        partition.lock(label);
+    }
     for ((members, virtuals), &goal) in members.into_iter().zip(loops_of(surface)).zip(goals) {
         partition.reduce(members, virtuals, goal);
     }

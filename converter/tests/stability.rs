@@ -214,7 +214,7 @@ fn protrusions() {
         ("spikes", meshes::sphere(80, 40).spiked(3.0, 12), Charts),
         ("fingers", meshes::fingers(5), Charts),
         ("tube of 60 radii", meshes::tube(60.0, 24, 200), Charts),
-        ("pole of valence 1 000", meshes::sphere(1_000, 3), Charts),
+        ("pole of valence 1 000", meshes::sphere(1_000, 3), Clusters),
     ]);
 }
 
@@ -245,6 +245,7 @@ fn creases() {
     all(&[
         ("fine cube", meshes::cube(16), Charts),
         ("bracket", meshes::bracket(24), Charts),
+        ("bracket, however shown", meshes::bracket(24), Clusters),
     ]);
 }
 

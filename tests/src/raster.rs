@@ -20,6 +20,25 @@ pub const FOUR_SAMPLES: [DVec2; 4] = [
     DVec2::new(0.625, 0.875),
 ];
 
+/// Points around those samples, farther from them than a rasterizer moves an edge when it snaps vertices to its grid of 1/256
+/// pixel. Where a surface covers them all, it covers the samples for every rasterizer; beside a gap that is truly there, such as
+/// a tunnel seen end on, a sample may be covered for one and not for another.
+pub const AROUND_FOUR_SAMPLES: [DVec2; 16] = around(FOUR_SAMPLES);
+
+const fn around(samples: [DVec2; 4]) -> [DVec2; 16] {
+    const AWAY: f64 = 1.0 / 128.0;
+    let mut points = [DVec2::ZERO; 16];
+    let mut i = 0;
+    while i < 16 {
+        let sample = samples[i / 4];
+        let x = if i % 2 == 0 { AWAY } else { -AWAY };
+        let y = if i % 4 < 2 { AWAY } else { -AWAY };
+        points[i] = DVec2::new(sample.x + x, sample.y + y);
+        i += 1;
+    }
+    points
+}
+
 /// A picture to be covered.
 #[derive(Debug, Clone, Copy)]
 pub struct Picture<'a> {
@@ -29,7 +48,7 @@ pub struct Picture<'a> {
     pub width: usize,
     /// Rows.
     pub height: usize,
-    /// Points within a pixel, from its top left corner, in pixels; at most eight.
+    /// Points within a pixel, from its top left corner, in pixels; at most 16.
     pub samples: &'a [DVec2],
 }
 
@@ -42,7 +61,7 @@ pub fn coverage(
     triangles: &[[u32; 3]],
     picture: &Picture<'_>,
 ) -> Result<Mask> {
-    ensure!(picture.samples.len() <= 8, "at most eight samples");
+    ensure!(picture.samples.len() <= 16, "at most 16 samples");
     let size = DVec2::new(picture.width as f64, picture.height as f64);
     let pixels: Vec<Option<DVec2>> = positions
         .iter()
@@ -52,7 +71,7 @@ pub fn coverage(
             (clip.w > 0.0 && ndc.is_finite()).then(|| (ndc + 1.0) * 0.5 * size)
         })
         .collect();
-    let mut covered = vec![0_u8; picture.width * picture.height];
+    let mut covered = vec![0_u16; picture.width * picture.height];
     for triangle in triangles {
         let mut corners = [DVec2::ZERO; 3];
         for (corner, &vertex) in corners.iter_mut().zip(triangle) {
@@ -63,7 +82,7 @@ pub fn coverage(
         }
         cover(&mut covered, picture, corners);
     }
-    let all = u8::MAX >> (8 - picture.samples.len());
+    let all = u16::MAX >> (16 - picture.samples.len());
     let mut mask = Mask::empty(picture.width, picture.height);
     for (pixel, _) in covered
         .iter()
@@ -75,7 +94,7 @@ pub fn coverage(
     Ok(mask)
 }
 
-fn cover(covered: &mut [u8], picture: &Picture<'_>, [a, b, c]: [DVec2; 3]) {
+fn cover(covered: &mut [u16], picture: &Picture<'_>, [a, b, c]: [DVec2; 3]) {
     let area = edge(a, b, c);
     if area == 0.0 {
         return;

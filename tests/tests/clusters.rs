@@ -7,7 +7,7 @@ use marquetry_engine::{Background, ViewerOptions, Viewport};
 use marquetry_evaluation::image::Image;
 use marquetry_native::Headless;
 use marquetry_tests::meshes::{Model, sphere};
-use marquetry_tests::raster::FOUR_SAMPLES;
+use marquetry_tests::raster::AROUND_FOUR_SAMPLES;
 use marquetry_tests::stage::{MAGENTA, Stage, holes, unit};
 use marquetry_tests::{Converted, arguments, convert, marquetry, ply};
 use serde_json::Value;
@@ -79,7 +79,7 @@ fn assert_no_holes(marq: &Path, least_nodes: u64) {
             }
             let rgba = stage.draw().unwrap();
             let image = Image::new(320, 240, &rgba).unwrap();
-            let inside = stage.inside(&FOUR_SAMPLES).unwrap();
+            let inside = stage.inside(&AROUND_FOUR_SAMPLES).unwrap();
             let found = holes(image, &inside);
             assert!(
                 found.is_empty(),

@@ -159,7 +159,7 @@ fn the_memory_ceiling_holds() {
         assert!(finished.stderr.contains(word), "{}", finished.stderr);
     }
     // What turns out only on the way: many samples for few triangles.
-    ply::write(&input, &meshes::torus(160, 80)).unwrap();
+    ply::write(&input, &meshes::torus(300, 150)).unwrap();
     let arguments = arguments![
         "convert",
         &input,

@@ -38,7 +38,7 @@ fn similarity(
     stage.settle().unwrap();
     let shown = stage.draw().unwrap();
     let inside = stage
-        .inside(&marquetry_tests::raster::FOUR_SAMPLES)
+        .inside(&marquetry_tests::raster::AROUND_FOUR_SAMPLES)
         .unwrap();
     let lattice = stage.viewer().document().metadata.lattice;
     let lattice_from_world = DMat4::from_scale(DVec3::splat(1.0 / lattice.step))

@@ -5,7 +5,7 @@
 use marquetry_engine::{Background, ViewerOptions, Viewport};
 use marquetry_evaluation::image::Image;
 use marquetry_native::Headless;
-use marquetry_tests::raster::FOUR_SAMPLES;
+use marquetry_tests::raster::AROUND_FOUR_SAMPLES;
 use marquetry_tests::stage::{MAGENTA, Stage, holes};
 use marquetry_tests::{arguments, convert, data, marquetry, meshes, ply};
 use std::path::{Path, PathBuf};
@@ -41,7 +41,7 @@ fn assert_a_tenth_is_enough(marq: &Path) {
             }
             let rgba = stage.draw().unwrap();
             let image = Image::new(640, 480, &rgba).unwrap();
-            let found = holes(image, &stage.inside(&FOUR_SAMPLES).unwrap());
+            let found = holes(image, &stage.inside(&AROUND_FOUR_SAMPLES).unwrap());
             assert!(
                 found.is_empty(),
                 "{} holes {moment} in view {view} from {distance}",

@@ -10,7 +10,7 @@ use marquetry_engine::camera::STANDARD_VIEWS;
 use marquetry_engine::{Background, ViewerOptions, Viewport};
 use marquetry_evaluation::image::Image;
 use marquetry_native::Headless;
-use marquetry_tests::raster::{FOUR_SAMPLES, coverage};
+use marquetry_tests::raster::{AROUND_FOUR_SAMPLES, coverage};
 use marquetry_tests::stage::{MAGENTA, Stage, bits, holes};
 use marquetry_tests::{arguments, convert, data, marquetry, meshes, ply};
 use std::path::{Path, PathBuf};
@@ -66,7 +66,7 @@ fn assert_no_holes(name: &str, marq: &Path) {
             }
             let rgba = stage.draw().unwrap();
             let image = Image::new(320, 240, &rgba).unwrap();
-            let inside = stage.inside(&FOUR_SAMPLES).unwrap();
+            let inside = stage.inside(&AROUND_FOUR_SAMPLES).unwrap();
             assert!(
                 inside.count() > 100,
                 "{name}: nothing to see in view {view} from {distance}"
@@ -126,7 +126,7 @@ fn assert_finest_covers_export(name: &str, marq: &Path) {
         let inside = coverage(
             &positions,
             &exported.triangles,
-            &stage.picture(&FOUR_SAMPLES),
+            &stage.picture(&AROUND_FOUR_SAMPLES),
         )
         .unwrap()
         .eroded();

@@ -24,6 +24,8 @@ pub(crate) struct Flat {
     /// Where the flattening has shrunk the surface most: an inner vertex, and how much wider its surroundings were
     /// in an isometry of the whole. `None` without inner vertices, or where nobody asked for stretch.
     pub(crate) tip: Option<(u32, f64)>,
+    /// Part of the surface's area, 0..=1, that stays shrunk by more than [`LOST`].
+    pub(crate) lost: f64,
 }
 
 /// What reweighting goes on for: shrinking by more than this (a length) loses detail.
@@ -52,6 +54,7 @@ pub(crate) fn flatten(
     let mut uv: Vec<DVec2> = fixed.iter().map(|p| p.unwrap_or(DVec2::ZERO)).collect();
     let mut system = System::of(&edges, &on_side);
     let mut tip = None;
+    let mut lost = 0.0;
     let mut is_solved = false;
     if most > 0 {
         let metric = Metric::of(positions, triangles);
@@ -65,6 +68,7 @@ pub(crate) fn flatten(
                 .filter(|&(_, &on_side)| !on_side)
                 .map(|((v, &stretch), _)| (v, stretch))
                 .max_by(|a, b| a.1.total_cmp(&b.1));
+            lost = metric.part(triangles, |v| around[v as usize] > LOST);
             if round >= reweights && tip.is_none_or(|(_, stretch)| stretch < SHRUNK) {
                 is_solved = true;
                 break;
@@ -80,5 +84,5 @@ pub(crate) fn flatten(
         system.solve(&edges, &values, &mut uv);
     }
     system.refine(&edges, &values, &mut uv);
-    Flat { uv, tip }
+    Flat { uv, tip, lost }
 }

@@ -50,6 +50,16 @@ impl Metric {
         Self { shapes, area }
     }
 
+    /// Part of the area, 0..=1, that triangles with only such corners have.
+    pub(super) fn part(&self, triangles: &[[u32; 3]], is_such: impl Fn(u32) -> bool) -> f64 {
+        let such = triangles.iter().zip(&self.shapes);
+        let area: f64 = such
+            .filter(|(corners, _)| corners.iter().all(|&v| is_such(v)))
+            .map(|(_, shape)| shape.area)
+            .sum();
+        area / self.area.max(f64::MIN_POSITIVE)
+    }
+
     /// L² stretch of the whole map, at least 1; 0 without area in space, infinite if a face has none in (u, v).
     pub(super) fn stretch(&self, triangles: &[[u32; 3]], uv: &[DVec2]) -> f64 {
         if self.area <= 0.0 {

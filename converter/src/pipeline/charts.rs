@@ -9,7 +9,7 @@ use crate::mesh::{ManifoldMesh, NONE, caps, handles};
 use crate::parameterize::{self, Parametrization};
 use crate::quadrangulate::{self, Layout};
 use crate::report::{AreaReport, LayoutReport};
-use crate::segment;
+use crate::segment::{self, Segmentation};
 use crate::texture::stage::Textures;
 use marquetry_format::writer::ColourInput;
 use rayon::prelude::*;
@@ -27,6 +27,9 @@ const CAP_OVER_TARGET: f64 = 25.0;
 
 /// Part of the squared error that all caps of handles together may take, and those of fingers.
 const CAP_SHARE: f64 = 0.03;
+
+/// Rounds of splitting regions at protrusions; each halves what is left of them.
+const SPLIT_ROUNDS: u32 = 3;
 
 /// What was cut off a surface before charts are made of it, and the caps that closed it.
 pub(super) struct Caps {
@@ -115,12 +118,7 @@ impl Conversion<'_> {
             borders,
             regions,
             ..
-        } = quadrangulate::quadrangulate(mesh, &segmentation).map_err(|source| {
-            ConvertError::Layout {
-                path: self.input.to_owned(),
-                source,
-            }
-        })?;
+        } = self.layout(mesh, segmentation)?;
         let layout = LayoutReport {
             regions,
             chart_area: AreaReport::of(patches.par_iter().map(Patch::area).collect()),
@@ -169,6 +167,42 @@ impl Conversion<'_> {
             colour,
             layout,
         }))
+    }
+
+    /// Quads of the regions; regions with protrusions that no flattening shows are split.
+    fn layout(
+        &self,
+        mesh: &ManifoldMesh,
+        mut segmentation: Segmentation,
+    ) -> Result<Layout, ConvertError> {
+        let quadrangulate = |segmentation: &Segmentation| {
+            quadrangulate::quadrangulate(mesh, segmentation).map_err(|source| {
+                ConvertError::Layout {
+                    path: self.input.to_owned(),
+                    source,
+                }
+            })
+        };
+        let mut layout = quadrangulate(&segmentation)?;
+        let mut split = vec![false; mesh.positions.len()];
+        for _ in 0..SPLIT_ROUNDS {
+            if layout.specks.is_empty() {
+                break;
+            }
+            let Some(parts) = segment::split_at(mesh, &segmentation, &layout.specks, &mut split)
+            else {
+                break;
+            };
+            segmentation = parts;
+            layout = quadrangulate(&segmentation)?;
+        }
+        if !layout.specks.is_empty() {
+            tracing::warn!(
+                regions = layout.specks.len(),
+                "protrusions stay that are too long to be sampled well"
+            );
+        }
+        Ok(layout)
     }
 }
 

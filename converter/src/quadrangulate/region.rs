@@ -9,6 +9,9 @@ use glam::{DVec2, DVec3};
 use std::collections::HashMap;
 use std::f64::consts::TAU;
 
+/// A region is to be split where more than this part of its area is lost in a speck.
+const LOST_AREA: f64 = 0.02;
+
 /// One side of a region, counter-clockwise.
 #[derive(Debug)]
 pub(super) struct RegionSide {
@@ -28,11 +31,15 @@ pub(super) struct Region {
     pub(super) attributes: Vec<Attributes>,
     pub(super) triangles: Vec<[u32; 3]>,
     pub(super) sides: Vec<RegionSide>,
+    /// Vertex of the whole mesh that each of the first vertices is; the others come from cutting.
+    mesh_vertices: Vec<u32>,
 }
 
 impl Region {
+    /// `mesh_vertices` is how many of the first points are the mesh's own vertices.
     pub(super) fn new(
         id: u32,
+        mesh_vertices: usize,
         points: &Points,
         arcs: &[Arc],
         outline: &Outline,
@@ -85,6 +92,11 @@ impl Region {
                 .collect(),
             triangles,
             sides,
+            mesh_vertices: used
+                .iter()
+                .copied()
+                .take_while(|&g| (g as usize) < mesh_vertices)
+                .collect(),
         };
         region.split_chords()?;
         Ok(region)
@@ -157,6 +169,12 @@ impl Region {
     pub(super) fn flattened(&self, weights: Weights) -> Flat {
         let fixed = self.outline();
         flatten(&self.positions, &self.triangles, &fixed, weights)
+    }
+
+    /// The mesh's vertex at the tip of what `flat` has lost, if that is much.
+    pub(super) fn speck(&self, flat: &Flat) -> Option<u32> {
+        let (tip, _) = flat.tip.filter(|_| flat.lost > LOST_AREA)?;
+        self.mesh_vertices.get(tip as usize).copied()
     }
 
     /// Where the border vertices go; `None` for the others.

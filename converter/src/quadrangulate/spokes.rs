@@ -19,10 +19,12 @@ use std::collections::HashMap;
 pub(super) struct CutRegion {
     pub(super) patches: Vec<Patch>,
     pub(super) spokes: Vec<Border>,
+    /// See [`Region::speck`].
+    pub(super) speck: Option<u32>,
 }
 
 /// Reweighted where something is shrunk, for as long as it takes; few regions need more than two rounds.
-const WEIGHTS: Weights = Weights::Stretch(0, 16);
+const WEIGHTS: Weights = Weights::Stretch(0, 8);
 
 /// A flattening that has shrunk a place by more than this (a length) gets its centre there.
 const TIP: f64 = 4.0;
@@ -44,12 +46,14 @@ fn centres(flat: &Flat) -> impl Iterator<Item = DVec2> {
 pub(super) fn cut(mut region: Region) -> Result<CutRegion, QuadrangulateError> {
     let vertices = region.positions.len();
     let triangles = region.triangles.clone();
+    let mut speck = None;
     for weights in [WEIGHTS, Weights::Uniform] {
         let flat = region.flattened(weights);
+        speck = speck.or_else(|| region.speck(&flat));
         for centre in centres(&flat) {
             let uv = flat.uv.iter().map(|&p| p - centre).collect();
             if let Some(cut) = Sectors::new(&mut region, uv).and_then(|mut sectors| sectors.cut()) {
-                return Ok(cut);
+                return Ok(CutRegion { speck, ..cut });
             }
             region.positions.truncate(vertices);
             region.attributes.truncate(vertices);
@@ -254,6 +258,7 @@ impl<'a> Sectors<'a> {
         Some(CutRegion {
             patches,
             spokes: spokes.into_iter().collect::<Option<_>>()?,
+            speck: None,
         })
     }
 

@@ -52,6 +52,7 @@ pub(super) struct Partition {
     into: Vec<u32>,
     /// Grows with every merge into the cell.
     version: Vec<u32>,
+    locked: Vec<bool>,
 }
 
 /// How many regions a component should become.
@@ -86,12 +87,19 @@ impl Partition {
     pub(super) fn new(complex: Complex, cells: Vec<Cell>) -> Self {
         let into = (0..id(cells.len())).collect();
         let version = vec![0; cells.len()];
+        let locked = vec![false; cells.len()];
         Self {
             complex,
             cells,
             into,
             version,
+            locked,
         }
+    }
+
+    /// Keeps a cell from being merged.
+    pub(super) fn lock(&mut self, cell: u32) {
+        self.locked[cell as usize] = true;
     }
 
     /// Cell that holds each original cell.
@@ -156,7 +164,12 @@ impl Partition {
             }
             partners.clear();
             for &v in self.complex.neighbours(u) {
-                if self.is_real(v) && !taken[v as usize] && self.degree_merged(u, v) <= 24 {
+                if self.is_real(v)
+                    && !taken[v as usize]
+                    && !self.locked[u as usize]
+                    && !self.locked[v as usize]
+                    && self.degree_merged(u, v) <= 24
+                {
                     partners.push((self.cost(u, v, goal), v));
                 }
             }
@@ -245,7 +258,11 @@ impl Partition {
     }
 
     fn candidate(&self, u: u32, v: u32, caps: Caps, goal: Goal) -> Option<Reverse<Merge>> {
-        if !self.is_real(u) || !self.is_real(v) {
+        if !self.is_real(u)
+            || !self.is_real(v)
+            || self.locked[u as usize]
+            || self.locked[v as usize]
+        {
             return None;
         }
         let (p, q) = (self.cells[u as usize].area, self.cells[v as usize].area);

@@ -130,6 +130,20 @@ pub(super) fn depths(surface: &Surface, labels: &[u32]) -> Vec<f64> {
     depths
 }
 
+/// Lengths of shortest paths from `starts` that stay in one region; infinite in regions without a start.
+pub(super) fn within(surface: &Surface, labels: &[u32], starts: &[u32]) -> Vec<f64> {
+    let mut distances = vec![f64::INFINITY; labels.len()];
+    let mut front = BinaryHeap::new();
+    for &start in starts {
+        distances[start as usize] = 0.0;
+        front.push(Reverse((0, start)));
+    }
+    spread(surface, &mut front, &mut distances, |from, to| {
+        labels[from as usize] == labels[to as usize]
+    });
+    distances
+}
+
 /// A seed for each region: far from its border, yet near its centroid. With `bias` 1 distances begin at the rim of the
 /// circle that fits into the region, so that cells keep their sizes; with 0 all begin alike.
 pub(super) fn centres(surface: &Surface, labels: &[u32], regions: u32, bias: f64) -> Vec<Seed> {

@@ -245,7 +245,6 @@ fn creases() {
     all(&[
         ("fine cube", meshes::cube(16), Charts),
         ("bracket", meshes::bracket(24), Charts),
-        ("bracket, however shown", meshes::bracket(24), Clusters),
     ]);
 }
 

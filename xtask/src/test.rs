@@ -9,7 +9,7 @@ use std::process::{Command, ExitCode};
 
 /// Runs every check, whatever fails before, and sums up.
 pub(crate) fn run(project: &Project) -> ExitCode {
-    println!("All checks: about 30 minutes on two cores the first time, a few minutes after that.");
+    println!("All checks: about 45 minutes on two cores the first time, 20 minutes after that.");
     let mut steps = Steps::default();
     let set_up = steps.run("set-up", "1 to 3 min", || set_up(project));
     steps.run("formatting", "2 s", || {
@@ -39,11 +39,11 @@ pub(crate) fn run(project: &Project) -> ExitCode {
     } else {
         steps.cannot_run("web build", "set-up");
     }
-    let built = steps.run("native build", "6 min", || {
+    let built = steps.run("native build", "12 min", || {
         build_native(project).map(passed)
     });
     if built {
-        steps.run("tests", "10 min", || tests(project));
+        steps.run("tests", "10 to 20 min", || tests(project));
     } else {
         steps.cannot_run("tests", "native build");
     }
@@ -51,7 +51,7 @@ pub(crate) fn run(project: &Project) -> ExitCode {
     steps.run("dependencies", "5 s", || deny(project));
     steps.run("spelling", "1 s", || typos(project));
     if built && set_up {
-        steps.run("browser", "2 min", || browser::run(project).map(passed));
+        steps.run("browser", "3 min", || browser::run(project).map(passed));
     } else {
         steps.cannot_run("browser", if built { "set-up" } else { "native build" });
     }

@@ -7,7 +7,7 @@ use glam::DVec3;
 /// A closed path of half-edges, each starting where the one before ends.
 pub(super) type Loop = Vec<u32>;
 
-/// The distance whose [`squares`] are these.
+/// The distance whose `squares` are these.
 pub fn reach(squares: f64) -> f64 {
     (6.0 / std::f64::consts::PI * squares).powf(0.25)
 }

@@ -266,7 +266,7 @@ mod tests {
         let mut random = Random::new(48);
         let mut hits = 0;
         // The clusters cover little of the picture.
-        for _ in 0..4000 {
+        for _ in 0..12_000 {
             let place = [
                 f64::from(VIEWPORT.width) * random.unit(),
                 f64::from(VIEWPORT.height) * random.unit(),

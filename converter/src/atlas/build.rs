@@ -53,7 +53,7 @@ pub struct Surface<'a> {
     pub colours: bool,
     /// Target RMS error, a length.
     pub target: f64,
-    /// Bound of the distance from the caps of cut handles to the source, a length.
+    /// Bound of the distance from the caps of cut handles and fingers to the source, a length.
     pub cap_distance: f64,
     /// About the integral of the squared distance between caps and the source; >= 0.
     pub cap_squares: f64,

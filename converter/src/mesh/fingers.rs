@@ -210,7 +210,7 @@ impl<'a> Ball<'a> {
             #[expect(
                 clippy::cast_possible_truncation,
                 clippy::cast_sign_loss,
-                reason = "a count of vertices, times 1.2"
+                reason = "a count of vertices, grown a little"
             )]
             let next = (wanted as f64 * GROWTH).ceil() as usize;
             wanted = next;

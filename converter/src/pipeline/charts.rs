@@ -22,7 +22,7 @@ pub(super) struct Charts {
     pub(super) layout: LayoutReport,
 }
 
-/// Handles are cut where a cap stays within so many targets of the surface.
+/// Handles and fingers are cut where a cap stays within so many targets of the surface.
 const CAP_OVER_TARGET: f64 = 25.0;
 
 /// Part of the squared error that all caps of handles together may take, and those of fingers.

@@ -189,7 +189,7 @@ impl Conversion<'_> {
         self.begin("manifold")?;
         let (mesh, account) = mesh::prepare(imported).map_err(|e| e.in_file(self.input))?;
         let frame = Frame::of(&mesh, self.options.error_rel, has_colours);
-        let mut selection = cluster::select::select(mesh);
+        let mut selection = cluster::select::select(mesh, textures.has_images());
         // Clusters show no textures.
         let most_samples = if !textures.has_images() && selection.can_take_all() {
             (selection.rest.triangles.len() as u64)

@@ -16,8 +16,11 @@ mod tests;
 
 use crate::atlas::patch::{Border, Patch};
 use crate::mesh::ManifoldMesh;
+use crate::parameterize::Flat;
 use crate::segment::Segmentation;
 use rayon::prelude::*;
+use std::collections::HashMap;
+use std::sync::Arc;
 
 /// Four-sided patches and the borders that they share.
 #[derive(Debug, Clone, Default)]
@@ -55,13 +58,20 @@ pub enum QuadrangulateError {
     },
 }
 
+/// Flattenings by the content of their regions: when some regions are split the others stay as they are.
+#[derive(Debug, Default)]
+pub struct Flattenings(HashMap<u128, Arc<Flat>>);
+
 /// Cuts every region of `segmentation` into as many quads as it has corners.
+///
+/// Regions whose flattening is in `known` are not flattened again; afterwards it holds those of this segmentation.
 ///
 /// # Errors
 /// When the labels break the promises of [`Segmentation`], or a region's flattening folds.
 pub fn quadrangulate(
     mesh: &ManifoldMesh,
     segmentation: &Segmentation,
+    known: &mut Flattenings,
 ) -> Result<Layout, QuadrangulateError> {
     let arcs::Cut {
         points,
@@ -79,9 +89,10 @@ pub fn quadrangulate(
         .map(|(id, outline)| {
             let id = u32::try_from(id).unwrap_or(u32::MAX);
             let region = region::Region::new(id, mesh.positions.len(), &points, &arcs, &outline)?;
-            spokes::cut(region)
+            spokes::cut(region, &known.0)
         })
         .collect::<Result<_, _>>()?;
+    known.0 = cut.iter().map(|c| (c.key, c.flat.clone())).collect();
     let specks = cut.iter().filter_map(|c| c.speck).collect();
     let mut patches = Vec::with_capacity(cut.iter().map(|c| c.patches.len()).sum());
     for mut region in cut {

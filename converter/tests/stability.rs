@@ -132,11 +132,16 @@ fn borders() {
         (
             "400 holes",
             meshes::sheet(121, |i, j| i % 6 == 3 && j % 6 == 3),
-            Charts,
+            Clusters,
         ),
         (
             "pinholes",
             meshes::sheet(100, |i, j| i % 2 == 1 && j % 2 == 1),
+            Clusters,
+        ),
+        (
+            "holes far apart",
+            meshes::sheet(121, |i, j| i % 24 == 3 && j % 24 == 3),
             Charts,
         ),
     ]);

@@ -15,7 +15,7 @@ pub const MAX_CLUSTER_VERTICES: usize = 256;
 /// Most triangles of a cluster.
 pub const MAX_CLUSTER_TRIANGLES: usize = 256;
 /// Most children of a node.
-pub const MAX_CLUSTER_CHILDREN: usize = 255;
+pub const MAX_CLUSTER_CHILDREN: usize = 65_535;
 /// Most levels of a tree of clusters, the root's included.
 pub const MAX_CLUSTER_LEVELS: u8 = 32;
 

@@ -497,6 +497,35 @@ fn clusters_survive_with_and_without_charts() {
 }
 
 #[test]
+fn a_cluster_of_many_children_survives() {
+    let mut root = clusters(4, false);
+    let mut leaf = root.children[0].clone();
+    while let Some(below) = leaf.children.pop() {
+        leaf = below;
+    }
+    for count in [255, 256, 1000] {
+        root.children = vec![leaf.clone(); count];
+        let model = Model {
+            glue: Vec::new(),
+            surface: &strip,
+            resolution: &|_| 2,
+            split: &never,
+            shift: 4,
+            has_colours: false,
+        };
+        let file = model.write_with(&root).unwrap();
+        assert!(verify(&SliceSource(&file)).unwrap().ok);
+        let document = open(&file);
+        let tree = document.clusters.as_ref().unwrap();
+        assert_eq!(tree.nodes[0].children.len(), count);
+        assert_eq!(
+            decode_clusters(&document, &SliceSource(&file)).len(),
+            count + 1
+        );
+    }
+}
+
+#[test]
 fn clusters_that_break_a_rule_are_not_written() {
     let model = Model {
         glue: Vec::new(),

@@ -35,15 +35,24 @@ impl<'a> Target<'a> {
 
     /// Upper bound of the distance from every point of `triangle`; no effort is made to get below `enough`.
     pub fn distance(&self, triangle: [DVec3; 3], enough: f64) -> f64 {
-        self.descend(triangle, enough, DEPTH)
+        let corners = triangle.map(|point| self.nearest(point, None));
+        self.descend(corners, enough, DEPTH)
     }
 
     /// Upper bound of the distance from every point of a mesh, if that is at most `most`; else some number above `most`.
     pub fn distance_of(&self, positions: &[DVec3], triangles: &[[u32; 3]], most: f64) -> f64 {
         let mut largest = 0.0f64;
+        let mut known: Vec<Option<Nearest>> = vec![None; positions.len()];
         for t in triangles {
-            let corners = t.map(|v| positions[v as usize]);
-            largest = largest.max(self.distance(corners, largest));
+            let mut hint = None;
+            let corners = t.map(|v| {
+                let slot = &mut known[v as usize];
+                let nearest =
+                    *slot.get_or_insert_with(|| self.nearest(positions[v as usize], hint));
+                hint = nearest.triangle;
+                nearest
+            });
+            largest = largest.max(self.descend(corners, largest, DEPTH));
             if largest > most {
                 break;
             }
@@ -51,23 +60,46 @@ impl<'a> Target<'a> {
         largest
     }
 
-    fn descend(&self, triangle: [DVec3; 3], enough: f64, depth: u32) -> f64 {
-        let centre = (triangle[0] + triangle[1] + triangle[2]) / 3.0;
-        let (mut seen, mut bound) = (0.0f64, f64::INFINITY);
-        for (corner, point) in triangle.into_iter().chain([centre]).enumerate() {
-            let Some(closest) = self.tree.closest(point, f64::INFINITY) else {
-                return f64::INFINITY;
-            };
-            if corner < 3 {
-                seen = seen.max(closest.distance2.sqrt());
-            }
-            bound = bound.min(self.farthest(triangle, closest.triangle));
+    /// What is nearest to a point, which may be near the triangle `hint`.
+    fn nearest(&self, point: DVec3, hint: Option<u32>) -> Nearest {
+        let distance2 = hint.map_or(f64::INFINITY, |hint| self.from(hint, point).powi(2));
+        let closest = self.tree.closest(point, distance2);
+        Nearest {
+            point,
+            distance: closest
+                .map_or(distance2, |closest| closest.distance2)
+                .sqrt(),
+            triangle: closest.map(|closest| closest.triangle).or(hint),
         }
-        if bound <= enough || bound <= LOOSENESS * seen || depth == 0 {
+    }
+
+    fn descend(&self, corners: [Nearest; 3], enough: f64, depth: u32) -> f64 {
+        let points = corners.map(|corner| corner.point);
+        let seen = corners
+            .iter()
+            .map(|corner| corner.distance)
+            .fold(0.0, f64::max);
+        let is_enough = |bound: f64| bound <= enough || bound <= LOOSENESS * seen;
+        let by = |bound: f64, nearest: Nearest| bound.min(self.farthest(points, nearest.triangle));
+        let mut bound = f64::INFINITY;
+        for corner in corners {
+            bound = by(bound, corner);
+            if is_enough(bound) {
+                return bound;
+            }
+        }
+        let hint = corners[0].triangle;
+        bound = by(
+            bound,
+            self.nearest(points.into_iter().sum::<DVec3>() / 3.0, hint),
+        );
+        if is_enough(bound) || depth == 0 {
             return bound;
         }
+        let [a, b, c] = turned(corners);
+        let middle = self.nearest(a.point.midpoint(b.point), a.triangle);
         let mut halved = 0.0f64;
-        for half in halves(triangle) {
+        for half in [[a, middle, c], [middle, b, c]] {
             halved = halved.max(self.descend(half, enough.max(halved), depth - 1));
             if halved >= bound {
                 return bound;
@@ -77,29 +109,41 @@ impl<'a> Target<'a> {
     }
 
     /// Distance of the farthest corner of `triangle` from the one numbered `other`.
-    fn farthest(&self, triangle: [DVec3; 3], other: u32) -> f64 {
+    fn farthest(&self, triangle: [DVec3; 3], other: Option<u32>) -> f64 {
+        let Some(other) = other else {
+            return f64::INFINITY;
+        };
+        let distances = triangle.into_iter().map(|p| self.from(other, p));
+        distances.fold(0.0, f64::max)
+    }
+
+    /// Distance of a point from the triangle numbered `other`.
+    fn from(&self, other: u32, point: DVec3) -> f64 {
         let other = self.triangles[other as usize].map(|v| self.positions[v as usize]);
-        let distance = |p: DVec3| p.distance(closest_point(other, p));
-        triangle.into_iter().map(distance).fold(0.0, f64::max)
+        point.distance(closest_point(other, point))
     }
 }
 
-/// Cut across the longest edge.
-fn halves([a, b, c]: [DVec3; 3]) -> [[DVec3; 3]; 2] {
-    let (ab, bc, ca) = (
-        a.distance_squared(b),
-        b.distance_squared(c),
-        c.distance_squared(a),
-    );
-    let (a, b, c) = if ab >= bc && ab >= ca {
-        (a, b, c)
+/// A point, and the triangle that is nearest to it.
+#[derive(Debug, Clone, Copy)]
+struct Nearest {
+    point: DVec3,
+    distance: f64,
+    /// `None` for a point that is not finite.
+    triangle: Option<u32>,
+}
+
+/// The same corners, the longest edge between the first two.
+fn turned([a, b, c]: [Nearest; 3]) -> [Nearest; 3] {
+    let squared = |a: Nearest, b: Nearest| a.point.distance_squared(b.point);
+    let (ab, bc, ca) = (squared(a, b), squared(b, c), squared(c, a));
+    if ab >= bc && ab >= ca {
+        [a, b, c]
     } else if bc >= ca {
-        (b, c, a)
+        [b, c, a]
     } else {
-        (c, a, b)
-    };
-    let middle = a.midpoint(b);
-    [[a, middle, c], [middle, b, c]]
+        [c, a, b]
+    }
 }
 
 /// Upper bound of the Hausdorff distance of two meshes, if that is at most `most`; else some number above `most`.

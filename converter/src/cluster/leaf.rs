@@ -5,12 +5,11 @@
 //! more than `CREASE` away from them: there each face sees only those of about its own direction, so that a cube is not lit
 //! like a ball.
 //! Components follow each other along a Hilbert curve, and fill one leaf after the other. One that does not fit a leaf is halved
-//! until its parts do; these are the children of one node, which a cut takes all or none of, so that no crack can open
-//! between them.
+//! until its parts do, which [`patchwork`](super::patchwork) puts together again.
 
 use super::bound::{Target, hausdorff};
+use super::patchwork::{self, Halves};
 use super::shape::{Shape, Vertex, point};
-use super::simplify::simplified;
 use crate::atlas::chart_graph::hilbert_key;
 use crate::atlas::quantize::lattice_from_world;
 use crate::mesh::ManifoldMesh;
@@ -22,19 +21,25 @@ use marquetry_format::lattice::LATTICE_BITS;
 use marquetry_format::writer::ClusterInput;
 use marquetry_format::{Lattice, octahedral};
 use rayon::prelude::*;
-use std::collections::BTreeMap;
 
 /// Cosine of the angle (40°) up to which faces share a normal.
 const CREASE: f64 = 0.766;
 
-/// Most triangles of a component: halves of what just does not fit still are as few as a node has children.
+/// Most triangles of a component: even if no two nodes become one, there are as few as a node has children.
 pub const MOST_TRIANGLES: usize = MAX_CLUSTER_CHILDREN * MAX_CLUSTER_TRIANGLES / 2;
 
 /// A part of a component on the lattice.
-struct Piece {
-    shape: Shape,
+pub(super) struct Piece {
+    pub(super) shape: Shape,
     /// Bound of its distance to the component, lattice units.
-    error: f64,
+    pub(super) error: f64,
+}
+
+/// A component on the lattice.
+enum Placed {
+    /// It fits a leaf.
+    Piece(Piece),
+    Node(ClusterInput),
 }
 
 /// Nodes that hold `components` of at most [`MOST_TRIANGLES`], in the order of a space-filling curve.
@@ -44,20 +49,23 @@ pub fn nodes(
     lattice: &Lattice,
     colours: bool,
 ) -> Vec<ClusterInput> {
-    let mut found: Vec<(u64, Vec<Piece>)> = components
+    let mut found: Vec<(u64, Placed)> = components
         .par_iter()
         .map(|component| {
             let component = Component::new(mesh, component, lattice);
-            (component.key(), component.pieces())
+            (component.key(), component.placed(colours))
         })
         .collect();
     found.sort_by_key(|&(key, _)| key);
     let mut nodes = Vec::new();
     let (mut shape, mut error) = (Shape::default(), 0.0f64);
-    for (_, pieces) in found {
-        let [piece] = pieces.as_slice() else {
-            nodes.push(assembly(&pieces, colours));
-            continue;
+    for (_, placed) in found {
+        let piece = match placed {
+            Placed::Piece(piece) => piece,
+            Placed::Node(node) => {
+                nodes.push(node);
+                continue;
+            }
         };
         let triangles = shape.triangles.len() + piece.shape.triangles.len();
         let vertices = shape.vertices.len() + piece.shape.vertices.len();
@@ -74,25 +82,7 @@ pub fn nodes(
     nodes
 }
 
-/// A component of several leaves.
-fn assembly(pieces: &[Piece], colours: bool) -> ClusterInput {
-    let mut whole = Shape::default();
-    for piece in pieces {
-        whole.append(&piece.shape);
-    }
-    let below = pieces.iter().map(|piece| piece.error).fold(0.0, f64::max);
-    let (coarser, error) = simplified(&whole);
-    ClusterInput {
-        mesh: coarser.cluster(colours),
-        error: upwards(below + error),
-        children: pieces
-            .iter()
-            .map(|piece| leaf(&piece.shape, piece.error, colours))
-            .collect(),
-    }
-}
-
-fn leaf(shape: &Shape, error: f64, colours: bool) -> ClusterInput {
+pub(super) fn leaf(shape: &Shape, error: f64, colours: bool) -> ClusterInput {
     ClusterInput {
         mesh: shape.cluster(colours),
         error: upwards(error),
@@ -115,52 +105,52 @@ struct Component<'a> {
     mesh: &'a ManifoldMesh,
     triangles: &'a [u32],
     lattice: &'a Lattice,
-    /// Faces at each vertex.
-    faces: BTreeMap<u32, Vec<u32>>,
+    /// Every vertex with every face at it, ascending.
+    faces: Vec<[u32; 2]>,
+    /// Number of vertices.
+    vertices: usize,
 }
 
 impl<'a> Component<'a> {
     fn new(mesh: &'a ManifoldMesh, triangles: &'a [u32], lattice: &'a Lattice) -> Self {
-        let mut faces: BTreeMap<u32, Vec<u32>> = BTreeMap::new();
-        for &t in triangles {
-            for v in mesh.triangles[t as usize] {
-                faces.entry(v).or_default().push(t);
-            }
-        }
+        let corners = |&t: &u32| mesh.triangles[t as usize].map(|v| [v, t]);
+        let mut faces: Vec<[u32; 2]> = triangles.iter().flat_map(corners).collect();
+        faces.sort_unstable();
         Self {
             mesh,
             triangles,
             lattice,
+            vertices: faces.chunk_by(|a, b| a[0] == b[0]).count(),
             faces,
         }
     }
 
-    /// The component in as few parts as clusters have room for.
-    fn pieces(&self) -> Vec<Piece> {
+    /// Faces at a vertex.
+    fn around(&self, v: u32) -> impl Iterator<Item = u32> + Clone {
+        let first = self.faces.partition_point(|face| face[0] < v);
+        let faces = self.faces[first..].iter();
+        faces
+            .take_while(move |face| face[0] == v)
+            .map(|face| face[1])
+    }
+
+    fn placed(&self, colours: bool) -> Placed {
         // One leaf without creases is better than two with them.
-        if self.triangles.len() <= MAX_CLUSTER_TRIANGLES && self.faces.len() <= MAX_CLUSTER_VERTICES
-        {
+        if self.triangles.len() <= MAX_CLUSTER_TRIANGLES && self.vertices <= MAX_CLUSTER_VERTICES {
             let is_creased =
                 self.shape(self.triangles, true).0.vertices.len() <= MAX_CLUSTER_VERTICES;
-            return vec![self.piece(self.triangles, is_creased)];
+            return Placed::Piece(self.piece(self.triangles, is_creased));
         }
-        for creased in [true, false] {
-            let mut pieces = Vec::new();
-            self.split(&mut self.triangles.to_vec(), creased, &mut pieces);
-            if pieces.len() <= MAX_CLUSTER_CHILDREN || !creased {
-                return pieces;
-            }
-        }
-        Vec::new()
+        let halves = self.halves(&mut self.triangles.to_vec());
+        Placed::Node(patchwork::node(halves, colours))
     }
 
     /// Halves `triangles` across their longest extent until the parts fit clusters.
-    fn split(&self, triangles: &mut [u32], creased: bool, pieces: &mut Vec<Piece>) {
+    fn halves(&self, triangles: &mut [u32]) -> Halves {
         let fits = triangles.len() <= MAX_CLUSTER_TRIANGLES
-            && self.shape(triangles, creased).0.vertices.len() <= MAX_CLUSTER_VERTICES;
+            && self.shape(triangles, true).0.vertices.len() <= MAX_CLUSTER_VERTICES;
         if fits || triangles.len() < 2 {
-            pieces.push(self.piece(triangles, creased));
-            return;
+            return Halves::Piece(self.piece(triangles, true));
         }
         let centre = |&t: &u32| self.corners(t).into_iter().sum::<DVec3>() / 3.0;
         let (low, high) = triangles
@@ -175,8 +165,8 @@ impl<'a> Component<'a> {
             centre(a)[axis].total_cmp(&centre(b)[axis]).then(a.cmp(b))
         });
         let (lower, upper) = triangles.split_at_mut(half);
-        self.split(lower, creased, pieces);
-        self.split(upper, creased, pieces);
+        let (lower, upper) = rayon::join(|| self.halves(lower), || self.halves(upper));
+        Halves::Two(Box::new([lower, upper]))
     }
 
     fn piece(&self, triangles: &[u32], creased: bool) -> Piece {
@@ -200,8 +190,9 @@ impl<'a> Component<'a> {
 
     /// Place along the curve.
     fn key(&self) -> u64 {
-        let vertices = self.faces.len().max(1) as f64;
-        let centre = self.faces.keys().map(|&v| self.place(v)).sum::<DVec3>() / vertices;
+        let vertices = self.vertices.max(1) as f64;
+        let places = self.faces.chunk_by(|a, b| a[0] == b[0]);
+        let centre = places.map(|faces| self.place(faces[0][0])).sum::<DVec3>() / vertices;
         hilbert_key(centre / f64::from(1u32 << LATTICE_BITS))
     }
 
@@ -235,14 +226,10 @@ impl<'a> Component<'a> {
     /// Vertex `v` as face `t` sees it.
     fn vertex(&self, v: u32, t: u32, creased: bool) -> Vertex {
         let mut normal = self.mesh.normals[v as usize];
-        let around = self.faces.get(&v).map_or(&[][..], Vec::as_slice);
-        let turns = |&f: &u32| self.face_normal(f).dot(normal) < CREASE;
-        if creased && around.iter().any(turns) {
+        let mut around = self.around(v).map(|f| self.face_normal(f));
+        if creased && around.clone().any(|n| n.dot(normal) < CREASE) {
             let own = self.face_normal(t);
-            let alike = around
-                .iter()
-                .map(|&f| self.face_normal(f))
-                .filter(|n| n.dot(own) >= CREASE);
+            let alike = around.by_ref().filter(|n| n.dot(own) >= CREASE);
             normal = alike.sum::<DVec3>().normalize_or(normal);
         }
         let colour = self.mesh.colours.get(v as usize).copied();

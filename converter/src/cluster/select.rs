@@ -1,13 +1,22 @@
-//! Which components are too small for charts.
+//! Which components are too small for charts, or too ragged.
 //!
 //! A component hangs together by welded vertices, cuts made for topology's sake included: no crack can open within one.
-//! It is small if a leaf has room for it as it is. Larger ones follow only where charts turn out to cost more.
+//! It is small if a leaf has room for it as it is, and ragged if it has a boundary loop for every few triangles, each of which asks
+//! for regions of its own: photogrammetry and foliage can be thousands of sheets of a dozen triangles, a sheet being
+//! what hangs together by edges, and to show one takes a dozen charts. Of other components the sheets that are small or ragged are taken out.
+//! What is left follows only where charts turn out to cost more.
+//! Limit: where a sheet was cut off another, coarse levels of both may gape by as much as their errors.
 
 use super::leaf;
 use crate::mesh::adjacency::{UnionFind, id, label};
 use crate::mesh::{ManifoldMesh, NONE};
 use glam::DVec3;
 use marquetry_format::cluster::{MAX_CLUSTER_TRIANGLES, MAX_CLUSTER_VERTICES};
+
+/// A sheet is ragged if it has fewer triangles than so many for each of its boundary loops.
+///
+/// A loop takes about one region, four charts: below, these have hardly more triangles than the clusters of the sheet itself.
+const TRIANGLES_A_LOOP: usize = 250;
 
 /// A mesh without its small components, and these.
 #[derive(Debug, Default)]
@@ -39,17 +48,38 @@ impl Components {
         }
         let first = |t: &[u32; 3]| mesh.origin[t[0] as usize];
         let (of, count) = label(&mut sets, mesh.triangles.iter().map(first));
-        let mut sizes = vec![[0usize; 2]; count as usize];
-        let mut is_counted = vec![false; mesh.positions.len()];
-        for (t, &component) in mesh.triangles.iter().zip(&of) {
-            let size = &mut sizes[component as usize];
-            size[0] += 1;
-            for &v in t {
-                let is_new = !std::mem::replace(&mut is_counted[v as usize], true);
-                size[1] += usize::from(is_new);
-            }
-        }
+        let sizes = sizes(mesh, &of, count as usize);
         Self { of, sizes }
+    }
+
+    /// The sheets of those components that are not `whole`, and all others as they are.
+    fn of_sheets(&self, mesh: &ManifoldMesh, is_whole: &[bool]) -> Self {
+        let (sheet_of, sheets) = mesh.components();
+        let first = id(self.sizes.len());
+        let part = |(&component, sheet): (&u32, u32)| {
+            if is_whole[component as usize] {
+                component
+            } else {
+                first + sheet
+            }
+        };
+        let of: Vec<u32> = self.of.iter().zip(sheet_of).map(part).collect();
+        let sizes = sizes(mesh, &of, self.sizes.len() + sheets as usize);
+        Self { of, sizes }
+    }
+
+    /// Which parts are small, or ragged. `loops` has a half-edge of every boundary loop.
+    fn for_clusters(&self, loops: &[u32], is_textured: bool) -> Vec<bool> {
+        let mut loop_count = vec![0; self.sizes.len()];
+        for &h in loops {
+            loop_count[self.of[h as usize / 3] as usize] += 1;
+        }
+        let wanted = |(&[t, v], loops): (&[usize; 2], usize)| {
+            let is_small = t <= MAX_CLUSTER_TRIANGLES && v <= MAX_CLUSTER_VERTICES;
+            let is_ragged = t < TRIANGLES_A_LOOP * loops && t.max(v) <= leaf::MOST_TRIANGLES;
+            t > 0 && (is_small || is_ragged && !is_textured)
+        };
+        self.sizes.iter().zip(loop_count).map(wanted).collect()
     }
 
     /// Lists of the triangles of the `wanted` components, numbered as if there were no others, from `first` on.
@@ -69,14 +99,30 @@ impl Components {
     }
 }
 
-/// Takes the small components out of `mesh`. Every triangle is in one part or the other.
-pub fn select(mesh: ManifoldMesh) -> Selection {
+/// Triangles and vertices of each of `count` parts; no vertex is in two.
+fn sizes(mesh: &ManifoldMesh, of: &[u32], count: usize) -> Vec<[usize; 2]> {
+    let mut sizes = vec![[0usize; 2]; count];
+    let mut is_counted = vec![false; mesh.positions.len()];
+    for (t, &part) in mesh.triangles.iter().zip(of) {
+        let size = &mut sizes[part as usize];
+        size[0] += 1;
+        for &v in t {
+            let is_new = !std::mem::replace(&mut is_counted[v as usize], true);
+            size[1] += usize::from(is_new);
+        }
+    }
+    sizes
+}
+
+/// Takes the small components, and small and ragged sheets of others, out of `mesh`. Every triangle is in one part or the other.
+///
+/// Where it `is_textured`, only what is small: clusters show no textures.
+pub fn select(mesh: ManifoldMesh, is_textured: bool) -> Selection {
     let components = Components::of(&mesh);
-    let is_small: Vec<bool> = components
-        .sizes
-        .iter()
-        .map(|&[t, v]| t <= MAX_CLUSTER_TRIANGLES && v <= MAX_CLUSTER_VERTICES)
-        .collect();
+    let loops = mesh.boundary_loops();
+    let is_whole = components.for_clusters(&loops, is_textured);
+    let components = components.of_sheets(&mesh, &is_whole);
+    let is_small = components.for_clusters(&loops, is_textured);
     if !is_small.contains(&true) {
         return Selection {
             rest: mesh,

@@ -4,12 +4,16 @@
 //! whole parts as it goes (Garland & Heckbert, "Surface Simplification Using Quadric Error Metrics", 1997; meshoptimizer),
 //! vertex clustering (Rossignac & Borrel, "Multi-resolution 3D approximations for rendering complex scenes", 1993;
 //! meshoptimizer's sloppy simplification), and leaving out all but the largest triangles.
-//! Vertices keep their positions, so all stay on the lattice.
+//! Vertices keep their positions, so all stay on the lattice. Where some of them are to stay, only the collapse will do.
 
 use super::bound::hausdorff;
 use super::shape::Shape;
-use marquetry_format::cluster::MAX_CLUSTER_TRIANGLES;
-use meshopt::{SimplifyOptions, VertexDataAdapter, simplify, simplify_sloppy, typed_to_bytes};
+use marquetry_format::LatticePoint;
+use marquetry_format::cluster::{MAX_CLUSTER_TRIANGLES, MAX_CLUSTER_VERTICES};
+use meshopt::{
+    SimplifyOptions, VertexDataAdapter, simplify, simplify_sloppy, simplify_with_locks,
+    typed_to_bytes,
+};
 
 /// Triangles asked for (all, where there are fewer), until few enough vertices are left as well.
 const TARGETS: [usize; 6] = [MAX_CLUSTER_TRIANGLES, 192, 128, 96, 64, 32];
@@ -41,6 +45,39 @@ pub fn simplified(shape: &Shape) -> (Shape, f64) {
     }
     // The largest triangle alone always fits.
     best.unwrap_or_else(|| (largest(shape, 1), f64::INFINITY))
+}
+
+/// A mesh that fits a cluster in place of `shape`, with every vertex whose place `is_held`, and the bound of the distance between them, lattice units;
+/// `None` where there is none.
+pub fn simplified_within(
+    shape: &Shape,
+    is_held: impl Fn(&LatticePoint) -> bool,
+) -> Option<(Shape, f64)> {
+    if shape.fits() {
+        return Some((shape.clone(), 0.0));
+    }
+    let held: Vec<bool> = shape.vertices.iter().map(|v| is_held(&v.0)).collect();
+    // Many triangles have to be left for an edge that is held.
+    if held.iter().filter(|&&held| held).count() > MAX_CLUSTER_VERTICES {
+        return None;
+    }
+    let options = SimplifyOptions::Permissive | SimplifyOptions::ErrorAbsolute;
+    let fitting = TARGETS
+        .iter()
+        .map(|&target| {
+            run(shape, |indices, vertices| {
+                let count = (3 * target).min(indices.len());
+                simplify_with_locks(indices, vertices, &held, count, f32::MAX, options, None)
+            })
+        })
+        .find(Shape::fits)?;
+    let (own, positions) = (fitting.positions(), shape.positions());
+    let error = hausdorff(
+        (&own, &fitting.triangles),
+        (&positions, &shape.triangles),
+        f64::INFINITY,
+    );
+    Some((fitting, error))
 }
 
 /// Runs one of meshoptimizer's simplifiers on `shape`, moved to the origin so that `f32` is exact.

@@ -4,6 +4,7 @@ use super::*;
 use crate::atlas::quantize;
 use crate::mesh::{ImportedMesh, prepare};
 use marquetry_evaluation::distance::{Mesh, measure};
+use std::collections::BTreeMap;
 
 /// `count` cubes of different sizes, strewn by a fixed rule; every third lies on its neighbour's corner.
 fn cubes(count: u32) -> ImportedMesh {
@@ -79,7 +80,7 @@ fn selection_takes_whole_components_and_leaves_the_rest_intact() {
     let mesh = joined(sheet(16), &cubes(7));
     let (mesh, _) = prepare(mesh).unwrap();
     let all = mesh.clone();
-    let selection = select::select(mesh);
+    let selection = select::select(mesh, false);
     assert_eq!(selection.components.len(), 7);
     assert!(
         selection
@@ -111,13 +112,25 @@ fn selection_takes_whole_components_and_leaves_the_rest_intact() {
 #[test]
 fn what_is_too_large_for_a_cluster_is_not_selected() {
     let (mesh, _) = prepare(sheet(16)).unwrap();
-    assert!(select::select(mesh).components.is_empty());
+    assert!(select::select(mesh, false).components.is_empty());
+}
+
+/// A square of `cells`² cells with every third cell in every third row left out.
+fn holed(cells: u32) -> ImportedMesh {
+    let mut mesh = sheet(cells);
+    let is_hole = |cell: u32| cell / cells % 3 == 1 && cell % cells % 3 == 1;
+    let mut triangle = 0;
+    mesh.triangles.retain(|_| {
+        triangle += 1;
+        !is_hole((triangle - 1) / 2)
+    });
+    mesh
 }
 
 #[test]
-fn sheets_cut_for_topology_stay_together() {
+fn small_sheets_cut_off_for_topology_are_selected() {
     // Three sheets on one edge: two of them are glued, the third is a copy of its own.
-    let mut mesh = sheet(13);
+    let mut mesh = sheet(24);
     let flap = sheet(2);
     let mut raised = flap.clone();
     for p in &mut raised.positions {
@@ -126,14 +139,31 @@ fn sheets_cut_for_topology_stay_together() {
     mesh = joined(mesh, &raised);
     let (mesh, _) = prepare(mesh).unwrap();
     assert!(mesh.components().1 > 1);
-    assert!(select::select(mesh).components.is_empty());
+    let selection = select::select(mesh, false);
+    assert_eq!(selection.components.len(), 1);
+    assert_eq!(selection.components[0].len(), 2 * 2 * 2);
+    assert_eq!(selection.rest.triangles.len(), 2 * 24 * 24);
+    assert_eq!(selection.rest.check(), Ok(()));
+}
+
+#[test]
+fn ragged_components_are_selected_where_clusters_can_show_them() {
+    let (mesh, _) = prepare(joined(holed(30), &cubes(2))).unwrap();
+    let count = mesh.triangles.len();
+    let ragged = select::select(mesh.clone(), false);
+    assert!(ragged.rest.triangles.is_empty());
+    assert_eq!(ragged.components.len(), 3);
+    assert_eq!(ragged.small.triangles.len(), count);
+    let textured = select::select(mesh, true);
+    assert_eq!(textured.components.len(), 2);
+    assert_eq!(textured.rest.triangles.len(), count - 24);
 }
 
 #[test]
 fn tree_keeps_its_bounds_at_every_node() {
     let (mesh, _) = prepare(cubes(400)).unwrap();
     let lattice = lattice(&mesh, 1e-3);
-    let selection = select::select(mesh);
+    let selection = select::select(mesh, false);
     assert!(selection.rest.triangles.is_empty());
     let mesh = selection.small;
     let layer = build(&mesh, &selection.components, &lattice, true);
@@ -206,7 +236,7 @@ fn components_below_the_lattice_leave_something_to_see() {
     }
     let (mesh, _) = prepare(mesh).unwrap();
     let lattice = lattice(&mesh, 1e-2);
-    let selection = select::select(mesh);
+    let selection = select::select(mesh, false);
     assert_eq!(selection.components.len(), 1);
     let layer = build(&selection.small, &selection.components, &lattice, true);
     assert!(!layer.root.mesh.triangles.is_empty());
@@ -218,7 +248,7 @@ fn components_below_the_lattice_leave_something_to_see() {
 fn the_same_for_any_number_of_threads() {
     let (mesh, _) = prepare(cubes(300)).unwrap();
     let lattice = lattice(&mesh, 1e-3);
-    let selection = select::select(mesh);
+    let selection = select::select(mesh, false);
     let built = |threads| {
         let pool = rayon::ThreadPoolBuilder::new()
             .num_threads(threads)
@@ -230,47 +260,87 @@ fn the_same_for_any_number_of_threads() {
     assert_eq!(built(1), built(4));
 }
 
+/// The edges of a cut below `node` with the number of their triangles. A node is split where `is_split` of its number of leaves.
+fn edges_of_cut(
+    node: &ClusterInput,
+    is_split: &mut impl FnMut() -> bool,
+    edges: &mut BTreeMap<[[u32; 3]; 2], u32>,
+) {
+    if !node.children.is_empty() && is_split() {
+        for child in &node.children {
+            edges_of_cut(child, is_split, edges);
+        }
+        return;
+    }
+    for t in &node.mesh.triangles {
+        for k in 0..3 {
+            let end = |k: usize| node.mesh.positions[usize::from(t[k % 3])];
+            let (a, b) = (end(k), end(k + 1));
+            *edges.entry([a.min(b), a.max(b)]).or_insert(0) += 1;
+        }
+    }
+}
+
 #[test]
-fn a_component_that_fits_no_leaf_is_one_node_with_its_parts_below() {
-    let mesh = joined(sheet(40), &cubes(3));
-    let (mesh, _) = prepare(mesh).unwrap();
+fn no_cut_through_a_component_that_fits_no_leaf_opens_a_crack() {
+    const CELLS: u32 = 120;
+    let mut bumpy = sheet(CELLS);
+    for p in &mut bumpy.positions {
+        p.z += (0.7 * p.x).sin() * (0.45 * p.y).cos();
+    }
+    let (mesh, _) = prepare(joined(bumpy, &cubes(3))).unwrap();
     let lattice = lattice(&mesh, 1e-3);
-    let mut selection = select::select(mesh);
+    let mut selection = select::select(mesh, false);
     assert_eq!(selection.components.len(), 3);
     assert!(selection.can_take_all());
     selection.take_all(usize::MAX);
     assert!(selection.rest.triangles.is_empty());
     assert_eq!(selection.components.len(), 4);
     let mesh = &selection.small;
-    assert_eq!(mesh.triangles.len(), 3200 + 36);
     let layer = build(mesh, &selection.components, &lattice, true);
-    assert_eq!(layer.summary.triangles, 3200 + 36);
+    let all = (2 * CELLS * CELLS) as usize;
+    assert_eq!(layer.summary.triangles, all + 36);
 
-    let sheet = layer.root.children.iter().find(|c| !c.children.is_empty());
-    let sheet = sheet.unwrap();
-    assert!(sheet.children.iter().all(|part| part.children.is_empty()));
-    let below: usize = sheet.children.iter().map(|c| c.mesh.triangles.len()).sum();
-    assert_eq!(below, 3200);
-    assert!(sheet.children.len() >= 13 && sheet.children.len() <= 26);
-    // A sheet without its rim has every edge twice, also where parts meet.
-    let mut edges = std::collections::BTreeMap::new();
-    for part in &sheet.children {
-        for t in &part.mesh.triangles {
-            for k in 0..3 {
-                let end = |k: usize| part.mesh.positions[usize::from(t[k % 3])];
-                let (a, b) = (end(k), end(k + 1));
-                *edges.entry((a.min(b), a.max(b))).or_insert(0) += 1;
-            }
+    let deepest = |node: &&ClusterInput| node.children.len();
+    let component = layer.root.children.iter().max_by_key(deepest).unwrap();
+    let middle = &component.children[0];
+    assert!(
+        !middle.children.is_empty(),
+        "nothing between leaves and the whole"
+    );
+    assert!(
+        middle
+            .children
+            .iter()
+            .all(|leaf| middle.error >= leaf.error)
+    );
+    let far = CELLS.cast_signed();
+    let is_on_rim = |p: [u32; 3]| {
+        let at = lattice.world_from_lattice(p);
+        [at.x, at.y]
+            .iter()
+            .any(|c| *c < 0.01 || (c - f64::from(far)).abs() < 0.01)
+    };
+    let mut random = 7u64;
+    let mut sizes = std::collections::BTreeSet::new();
+    for round in 0..60 {
+        let mut coin = || {
+            random = random
+                .wrapping_mul(6_364_136_223_846_793_005)
+                .wrapping_add(1);
+            round == 0 || random >> 33 & 1 == 1
+        };
+        let mut edges = BTreeMap::new();
+        for child in &component.children {
+            edges_of_cut(child, &mut coin, &mut edges);
+        }
+        sizes.insert(edges.len());
+        for ([a, b], count) in edges {
+            assert!(
+                count % 2 == 0 || is_on_rim(a) && is_on_rim(b),
+                "{count} at {a:?} {b:?}"
+            );
         }
     }
-    assert_eq!(edges.values().filter(|&&n| n == 1).count(), 4 * 40);
-    assert!(edges.values().all(|&n| n <= 2));
-    assert!(sheet.error >= sheet.children[0].error);
-}
-
-#[test]
-fn components_of_more_parts_than_a_node_has_children_are_not_taken() {
-    let (mesh, _) = prepare(sheet(130)).unwrap();
-    assert!(mesh.triangles.len() > leaf::MOST_TRIANGLES);
-    assert!(!select::select(mesh).can_take_all());
+    assert!(sizes.len() > 20, "{} different cuts", sizes.len());
 }

@@ -31,7 +31,16 @@ pub fn tree(nodes: Vec<ClusterInput>) -> ClusterInput {
     level.pop().unwrap_or_default()
 }
 
-fn parent(children: Vec<ClusterInput>) -> ClusterInput {
+/// One node in place of `children`.
+pub(super) fn parent(children: Vec<ClusterInput>) -> ClusterInput {
+    parent_by(children, |shape| Some(simplified(shape))).unwrap_or_default()
+}
+
+/// One node in place of `children`, its mesh and the bound of its distance to theirs by `simplify`; the children where that finds none.
+pub(super) fn parent_by(
+    children: Vec<ClusterInput>,
+    simplify: impl FnOnce(&Shape) -> Option<(Shape, f64)>,
+) -> Result<ClusterInput, Vec<ClusterInput>> {
     let mut shape = Shape::default();
     let mut below = 0.0f64;
     for child in &children {
@@ -39,10 +48,12 @@ fn parent(children: Vec<ClusterInput>) -> ClusterInput {
         below = below.max(f64::from(child.error));
     }
     let colours = children.iter().any(|child| !child.mesh.colours.is_empty());
-    let (coarser, error) = simplified(&shape);
-    ClusterInput {
+    let Some((coarser, error)) = simplify(&shape) else {
+        return Err(children);
+    };
+    Ok(ClusterInput {
         mesh: coarser.cluster(colours),
         error: upwards(below + error),
         children,
-    }
+    })
 }

@@ -2,8 +2,8 @@
 //!
 //! Triangles in = kept + lost, reason by reason, and so do their areas (up to rounding). Subdivision adds triangles, never area.
 
-use super::adjacency::{EdgeTable, UnionFind, end, label, start};
-use super::{ImportedMesh, ManifoldMesh, WeldedMesh};
+use super::adjacency::{EdgeTable, UnionFind, end, id, label, start};
+use super::{ImportedMesh, ManifoldMesh, NONE, WeldedMesh};
 use glam::DVec3;
 use rayon::prelude::*;
 use std::fmt;
@@ -236,5 +236,25 @@ impl ManifoldMesh {
     /// The component of every triangle, numbered in order of first occurrence, and how many there are.
     pub fn components(&self) -> (Vec<u32>, u32) {
         super::manifold::components(&self.twins)
+    }
+
+    /// One half-edge of every boundary loop, the lowest, ascending.
+    pub fn boundary_loops(&self) -> Vec<u32> {
+        let mut following = vec![NONE; self.positions.len()];
+        let open = || (0..id(self.twins.len())).filter(|&h| self.twins[h as usize] == NONE);
+        for h in open() {
+            following[start(&self.triangles, h) as usize] = end(&self.triangles, h);
+        }
+        let mut loops = Vec::new();
+        for h in open() {
+            let mut at = start(&self.triangles, h) as usize;
+            if following[at] != NONE {
+                loops.push(h);
+            }
+            while following[at] != NONE {
+                at = std::mem::replace(&mut following[at], NONE) as usize;
+            }
+        }
+        loops
     }
 }

@@ -7,7 +7,7 @@ use crate::cluster::select::{DROPPED, Selection};
 use crate::mesh::fingers::{self, Fingers};
 use crate::mesh::{ManifoldMesh, NONE, caps, handles};
 use crate::parameterize::{self, Parametrization};
-use crate::quadrangulate::{self, Layout};
+use crate::quadrangulate::{self, Flattenings, Layout};
 use crate::report::{AreaReport, LayoutReport};
 use crate::segment::{self, Segmentation};
 use crate::texture::stage::Textures;
@@ -175,8 +175,9 @@ impl Conversion<'_> {
         mesh: &ManifoldMesh,
         mut segmentation: Segmentation,
     ) -> Result<Layout, ConvertError> {
-        let quadrangulate = |segmentation: &Segmentation| {
-            quadrangulate::quadrangulate(mesh, segmentation).map_err(|source| {
+        let mut known = Flattenings::default();
+        let mut quadrangulate = |segmentation: &Segmentation| {
+            quadrangulate::quadrangulate(mesh, segmentation, &mut known).map_err(|source| {
                 ConvertError::Layout {
                     path: self.input.to_owned(),
                     source,
@@ -236,28 +237,9 @@ fn handle_count(mesh: &ManifoldMesh) -> usize {
     let open = mesh.twins.iter().filter(|&&t| t == NONE).count();
     let edges = mesh.twins.len().midpoint(open);
     let (_, components) = mesh.components();
-    let loops = boundary_loops(mesh);
+    let loops = mesh.boundary_loops().len();
     // V - E + F = 2 (components - handles) - loops
     let vertices_and_faces = mesh.positions.len() + mesh.triangles.len() + loops;
     let doubled = (2 * components as usize + edges).saturating_sub(vertices_and_faces);
     doubled / 2
-}
-
-fn boundary_loops(mesh: &ManifoldMesh) -> usize {
-    let corner = |h: usize| mesh.triangles[h / 3][h % 3];
-    let mut following = vec![NONE; mesh.positions.len()];
-    for h in (0..mesh.twins.len()).filter(|&h| mesh.twins[h] == NONE) {
-        following[corner(h) as usize] = corner(h / 3 * 3 + (h % 3 + 1) % 3);
-    }
-    let mut loops = 0;
-    for start in 0..following.len() {
-        let mut at = start;
-        let mut length = 0;
-        while following[at] != NONE {
-            at = std::mem::replace(&mut following[at], NONE) as usize;
-            length += 1;
-        }
-        loops += usize::from(length > 0);
-    }
-    loops
 }

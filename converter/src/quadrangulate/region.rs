@@ -8,6 +8,7 @@ use crate::parameterize::{Flat, Weights, flatten};
 use glam::{DVec2, DVec3};
 use std::collections::HashMap;
 use std::f64::consts::TAU;
+use xxhash_rust::xxh3::Xxh3;
 
 /// A region is to be split where more than this part of its area is lost in a speck.
 const LOST_AREA: f64 = 0.02;
@@ -169,6 +170,26 @@ impl Region {
     pub(super) fn flattened(&self, weights: Weights) -> Flat {
         let fixed = self.outline();
         flatten(&self.positions, &self.triangles, &fixed, weights)
+    }
+
+    /// Names what is in the region: equal regions are flattened alike.
+    pub(super) fn key(&self) -> u128 {
+        let mut hash = Xxh3::new();
+        let mut add = |number: u64| hash.update(&number.to_le_bytes());
+        for c in self.positions.iter().flat_map(|p| p.to_array()) {
+            add(c.to_bits());
+        }
+        add(u64::MAX);
+        self.triangles
+            .as_flattened()
+            .iter()
+            .for_each(|&v| add(v.into()));
+        for side in &self.sides {
+            add(u64::MAX);
+            add(side.middle as u64);
+            side.vertices.iter().for_each(|&v| add(v.into()));
+        }
+        hash.digest128()
     }
 
     /// The mesh's vertex at the tip of what `flat` has lost, if that is much.

@@ -12,6 +12,7 @@ use crate::mesh::NONE;
 use crate::parameterize::{Flat, Weights};
 use glam::DVec2;
 use std::collections::HashMap;
+use std::sync::Arc;
 
 /// A region's patches, and the spokes between them. Patch k holds corner k + 1; its borders 0 and 3 are spoke numbers
 /// in `spokes`, its borders 1 and 2 are final.
@@ -21,6 +22,9 @@ pub(super) struct CutRegion {
     pub(super) spokes: Vec<Border>,
     /// See [`Region::speck`].
     pub(super) speck: Option<u32>,
+    /// [`Region::key`], and the flattening that was tried first.
+    pub(super) key: u128,
+    pub(super) flat: Arc<Flat>,
 }
 
 /// Reweighted where something is shrunk, for as long as it takes; few regions need more than two rounds.
@@ -43,17 +47,34 @@ fn centres(flat: &Flat) -> impl Iterator<Item = DVec2> {
         .chain(spiral)
 }
 
-pub(super) fn cut(mut region: Region) -> Result<CutRegion, QuadrangulateError> {
+/// Cuts a region; `known` are flattenings by [`Region::key`].
+pub(super) fn cut(
+    mut region: Region,
+    known: &HashMap<u128, Arc<Flat>>,
+) -> Result<CutRegion, QuadrangulateError> {
     let vertices = region.positions.len();
     let triangles = region.triangles.clone();
-    let mut speck = None;
+    let key = region.key();
+    let known = known.get(&key).cloned();
+    let stretched = known.unwrap_or_else(|| Arc::new(region.flattened(WEIGHTS)));
+    let speck = region.speck(&stretched);
     for weights in [WEIGHTS, Weights::Uniform] {
-        let flat = region.flattened(weights);
-        speck = speck.or_else(|| region.speck(&flat));
+        let flat = if weights == WEIGHTS {
+            Arc::clone(&stretched)
+        } else {
+            Arc::new(region.flattened(weights))
+        };
         for centre in centres(&flat) {
             let uv = flat.uv.iter().map(|&p| p - centre).collect();
-            if let Some(cut) = Sectors::new(&mut region, uv).and_then(|mut sectors| sectors.cut()) {
-                return Ok(CutRegion { speck, ..cut });
+            let cut = Sectors::new(&mut region, uv).and_then(|mut sectors| sectors.cut());
+            if let Some((patches, spokes)) = cut {
+                return Ok(CutRegion {
+                    patches,
+                    spokes,
+                    speck,
+                    key,
+                    flat: stretched,
+                });
             }
             region.positions.truncate(vertices);
             region.attributes.truncate(vertices);
@@ -199,8 +220,8 @@ impl<'a> Sectors<'a> {
             || class == (2 * k + 2) % (2 * self.spokes())
     }
 
-    /// The patches; `None` when a sector is no disk with the expected outline.
-    fn cut(&mut self) -> Option<CutRegion> {
+    /// The patches and the spokes; `None` when a sector is no disk with the expected outline.
+    fn cut(&mut self) -> Option<(Vec<Patch>, Vec<Border>)> {
         let n = self.spokes();
         let mut pieces: Vec<Vec<[u32; 3]>> = vec![Vec::new(); n as usize];
         let triangles = std::mem::take(&mut self.region.triangles);
@@ -255,11 +276,7 @@ impl<'a> Sectors<'a> {
             let patch = self.patch(k, &pieces[k as usize], &mut spokes)?;
             patches.push(patch);
         }
-        Some(CutRegion {
-            patches,
-            spokes: spokes.into_iter().collect::<Option<_>>()?,
-            speck: None,
-        })
+        Some((patches, spokes.into_iter().collect::<Option<_>>()?))
     }
 
     fn patch(

@@ -102,7 +102,7 @@ fn tetrahedron() -> ManifoldMesh {
 #[test]
 fn a_tetrahedron_has_three_quads_a_corner() {
     let mesh = tetrahedron();
-    let layout = quadrangulate(&mesh, &discrete(&mesh)).unwrap();
+    let layout = quadrangulate(&mesh, &discrete(&mesh), &mut Flattenings::default()).unwrap();
     assert_eq!(layout.patches.len(), 12);
     check(&mesh, &layout, 0);
 }
@@ -110,7 +110,7 @@ fn a_tetrahedron_has_three_quads_a_corner() {
 #[test]
 fn a_single_triangle_has_nine_quads_and_six_open_borders() {
     let mesh = manifold(vec![DVec3::ZERO, DVec3::X, DVec3::Y], vec![[0, 1, 2]]);
-    let layout = quadrangulate(&mesh, &discrete(&mesh)).unwrap();
+    let layout = quadrangulate(&mesh, &discrete(&mesh), &mut Flattenings::default()).unwrap();
     assert_eq!(layout.patches.len(), 9);
     check(&mesh, &layout, 6);
 }
@@ -122,7 +122,7 @@ fn a_missing_side_is_reported() {
     two.labels = vec![0, 0, 1, 1];
     two.regions = 2;
     assert!(matches!(
-        quadrangulate(&mesh, &two),
+        quadrangulate(&mesh, &two, &mut Flattenings::default()),
         Err(QuadrangulateError::Structure { .. })
     ));
 }
@@ -163,7 +163,7 @@ fn a_brick_wall_is_cut_without_loss() {
         *l = u32::try_from(names.binary_search(l).unwrap()).unwrap();
     }
     segmentation.regions = u32::try_from(names.len()).unwrap();
-    let layout = quadrangulate(&mesh, &segmentation).unwrap();
+    let layout = quadrangulate(&mesh, &segmentation, &mut Flattenings::default()).unwrap();
     let used_once = 2 * layout.borders.len() - 4 * layout.patches.len();
     check(&mesh, &layout, used_once);
     assert!(used_once >= 4);

@@ -16,12 +16,13 @@ const WHAT: &str = "clusters";
 /// Bytes before the checksums.
 pub(crate) const HEAD_BYTES: usize = 36;
 /// Bytes of the facts of one node.
+/// Without the upper bytes of the numbers of children.
 const FACT_BYTES: usize = 21;
 
 /// The stored facts of one node, beside its checksum.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) struct Facts {
-    pub(crate) children: u8,
+    pub(crate) children: u16,
     /// 24 bits; 0 for the root, whose mesh ends the section.
     pub(crate) length: u32,
     /// Less 1.
@@ -62,14 +63,16 @@ pub(crate) fn decode(
     let packed_length = cursor.u32()?;
     let part_bytes = [cursor.u64()?, cursor.u64()?, cursor.u64()?];
     let method = Method::from_code(WHAT, cursor.u8()?)?;
-    let reserved = [cursor.u8()?, cursor.u8()?, cursor.u8()?];
-    if reserved != [0; 3] {
-        let [a, b, c] = reserved;
+    let more_planes = cursor.u8()?;
+    let reserved = [cursor.u8()?, cursor.u8()?];
+    if more_planes > 1 || reserved != [0; 2] {
+        let [b, c] = reserved;
         return Err(Error::Reserved {
             what: WHAT,
-            value: u64::from(u32::from_le_bytes([a, b, c, 0])),
+            value: u64::from(u32::from_le_bytes([more_planes, b, c, 0])),
         });
     }
+    let fact_bytes = FACT_BYTES.saturating_add(usize::from(more_planes));
     if count == 0 {
         return Err(Error::Value {
             what: "number of clusters",
@@ -87,7 +90,7 @@ pub(crate) fn decode(
     let checksums = cursor.take(count.saturating_mul(4))?;
     let packed = cursor.take(usize::try_from(packed_length).unwrap_or(usize::MAX))?;
     let root_bytes = cursor.rest();
-    let data = packing::unpack(WHAT, method, packed, count.saturating_mul(FACT_BYTES))?;
+    let data = packing::unpack(WHAT, method, packed, count.saturating_mul(fact_bytes))?;
     let facts = read_facts(&data, count)?;
 
     let mut nodes = tree(&facts, checksums)?;
@@ -258,7 +261,7 @@ fn read_facts(data: &[u8], count: usize) -> Result<Vec<Facts>, Error> {
             }
         };
         facts.push(Facts {
-            children: at(0, node),
+            children: u16::from_le_bytes([at(0, node), at(21, node)]),
             length: u32::from_le_bytes([at(1, node), at(2, node), at(3, node), 0]),
             vertices: at(4, node),
             triangles: at(5, node),
@@ -361,7 +364,7 @@ pub(crate) fn encode(
     part_bytes: [u64; 3],
 ) -> Result<[Vec<u8>; 2], Error> {
     use crate::codec::payload::zigzag;
-    let mut planes: [Vec<u8>; FACT_BYTES] = Default::default();
+    let mut planes: [Vec<u8>; FACT_BYTES + 1] = Default::default();
     let mut error = 0u16;
     let mut near = [0u32; 3];
     for facts in facts {
@@ -377,8 +380,9 @@ pub(crate) fn encode(
         });
         near = facts.bounds.min.map(|c| c << shift);
         let [sx, sy, sz] = facts.bounds.size;
+        let [children, more_children] = facts.children.to_le_bytes();
         let bytes = [
-            facts.children,
+            children,
             a,
             b,
             c,
@@ -399,16 +403,19 @@ pub(crate) fn encode(
             sx,
             sy,
             sz,
+            more_children,
         ];
         for (plane, byte) in planes.iter_mut().zip(bytes) {
             plane.push(byte);
         }
     }
-    let (method, packed) = packing::pack(&planes.concat())?;
+    let [.., more_children] = &planes;
+    let more_planes = usize::from(more_children.iter().any(|&byte| byte > 0));
+    let (method, packed) = packing::pack(&planes[..FACT_BYTES + more_planes].concat())?;
     let mut head = (facts.len() as u32).to_le_bytes().to_vec();
     head.extend((packed.len() as u32).to_le_bytes());
     head.extend(part_bytes.iter().flat_map(|part| part.to_le_bytes()));
-    head.extend([method as u8, 0, 0, 0]);
+    head.extend([method as u8, more_planes as u8, 0, 0]);
     debug_assert_eq!(head.len(), HEAD_BYTES);
     Ok([head, [&packed, root].concat()])
 }

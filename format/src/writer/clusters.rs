@@ -65,7 +65,7 @@ impl ClusterLayer {
                 *sum += part;
             }
             facts.push(Facts {
-                children: input.children.len() as u8,
+                children: input.children.len() as u16,
                 length: if index == 0 { 0 } else { bytes.len() as u32 },
                 vertices: (vertices - 1) as u8,
                 triangles: (input.mesh.triangles.len() - 1) as u8,
@@ -133,7 +133,7 @@ fn in_levels(root: &ClusterInput) -> Result<Vec<Node<'_>>, Error> {
         let children = &nodes[next].input.children;
         if children.len() == 1 || children.len() > MAX_CLUSTER_CHILDREN {
             return refuse(
-                "a cluster has no child or 2 to 255",
+                "a cluster has no child or 2 to 65 535",
                 format!("cluster {next} has {}", children.len()),
             );
         }

@@ -6,6 +6,7 @@ pub mod chart_graph;
 pub mod colour;
 pub mod depth;
 pub(crate) mod leaves;
+mod normals;
 pub mod patch;
 pub mod quantize;
 pub mod summary;

@@ -6,6 +6,7 @@
 use super::caps;
 use super::depth::Depth;
 use super::leaves::{self, Leaf, Points};
+use super::normals;
 use super::patch::{Border, Patch};
 use super::quantize;
 use super::summary;
@@ -145,16 +146,17 @@ pub fn build(
         let found = Finest::new(surface, &samplers, depth);
         let estimated = found.squares / area;
         // Distances to tangent planes say little where the surface is rough: what looks good is measured.
-        let reached = if estimated <= goal || found.kept as f64 > DOUBTFUL * found.points as f64 {
-            found
-                .measured_rms(surface)
-                .map_or(estimated, |rms| estimated.max((rms * MEASURED_AIM).powi(2)))
-        } else {
-            estimated
-        };
+        let reached =
+            if estimated <= goal || found.kept as f64 > DOUBTFUL * found.joined.len() as f64 {
+                found
+                    .measured_rms(surface)
+                    .map_or(estimated, |rms| estimated.max((rms * MEASURED_AIM).powi(2)))
+            } else {
+                estimated
+            };
         tracing::debug!(
             attempt,
-            points = found.points,
+            points = found.joined.len(),
             kept = found.kept,
             of_target = reached.sqrt() / surface.target,
             "fitted"
@@ -171,9 +173,10 @@ pub fn build(
             found_left
         };
     }
-    let Some(finest) = finest else {
+    let Some(mut finest) = finest else {
         return Some(Atlas::default());
     };
+    finest.filter_normals(&samplers);
     let charts: Vec<ChartInput> = (0..count)
         .into_par_iter()
         .map(|chart| {
@@ -198,7 +201,7 @@ pub fn build(
         max_error: f64::from(max_error) * surface.lattice.step,
         samples: roots.map(count_samples).sum(),
         charts,
-        points: finest.points,
+        points: finest.joined.len() as u64,
         kept: finest.kept,
     })
 }
@@ -225,9 +228,11 @@ fn count_samples(node: &NodeInput) -> u64 {
 struct Finest {
     depth: Depth,
     leaves: HashMap<NodeId, PageSamples>,
+    /// The leaves in order, and which of their samples are one.
+    order: Vec<Leaf>,
+    joined: Points,
     /// Integral of the squared error over the source's area.
     squares: f64,
-    points: u64,
     kept: u64,
 }
 
@@ -266,8 +271,27 @@ impl Finest {
             depth,
             leaves: leaves.iter().map(|leaf| leaf.node).zip(samples).collect(),
             squares,
-            points: points.len() as u64,
             kept,
+            order: leaves,
+            joined: points,
+        }
+    }
+
+    /// Gives the samples normals that stand for the cells around them.
+    fn filter_normals(&mut self, samplers: &[Sampler<'_>]) {
+        let sampled: Vec<&[[u8; 2]]> = self
+            .order
+            .iter()
+            .map(|leaf| {
+                let samples = self.leaves.get(&leaf.node);
+                samples.map_or(&[][..], |samples| samples.normals.as_slice())
+            })
+            .collect();
+        let filtered = normals::filtered(samplers, &self.order, &self.joined, &sampled);
+        for (leaf, normals) in self.order.iter().zip(filtered) {
+            if let Some(samples) = self.leaves.get_mut(&leaf.node) {
+                samples.normals = normals;
+            }
         }
     }
 }

@@ -176,7 +176,7 @@ impl Region {
     pub(super) fn key(&self) -> u128 {
         let mut hash = Xxh3::new();
         let mut add = |number: u64| hash.update(&number.to_le_bytes());
-        for c in self.positions.iter().flat_map(|p| p.to_array()) {
+        for c in self.positions.iter().flat_map(DVec3::to_array) {
             add(c.to_bits());
         }
         add(u64::MAX);

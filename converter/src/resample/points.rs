@@ -23,6 +23,8 @@ pub(crate) struct SourcePoint {
     pub(crate) place: DVec2,
     /// Where in space.
     pub(crate) surface: DVec3,
+    /// Its triangle in the patch.
+    pub(crate) triangle: u32,
     /// Normal of its triangle, unit length or zero.
     pub(crate) normal: DVec3,
     /// The area that it stands for.
@@ -66,13 +68,13 @@ pub(super) fn visit_points(
         if extent > WHOLE {
             visit(source, &image, triangle, &mut scratch, |_, polygon| {
                 for pair in polygon[1..].windows(2) {
-                    piece([polygon[0], pair[0], pair[1]], normal, &mut emit);
+                    piece([polygon[0], pair[0], pair[1]], triangle, normal, &mut emit);
                 }
             });
             continue;
         }
         for_each_part(corners, parts_a_side(extent), |part| {
-            piece(part, normal, &mut |point: &SourcePoint| {
+            piece(part, triangle, normal, &mut |point: &SourcePoint| {
                 if within(point.place) {
                     emit(point);
                 }
@@ -128,7 +130,7 @@ fn blend([a, b, c]: [Place; 3], [wa, wb, wc]: [f64; 3]) -> Place {
     }
 }
 
-fn piece(corners: [Place; 3], normal: DVec3, emit: &mut impl FnMut(&SourcePoint)) {
+fn piece(corners: [Place; 3], triangle: u32, normal: DVec3, emit: &mut impl FnMut(&SourcePoint)) {
     let [a, b, c] = corners.map(|corner| corner.surface);
     let area = (b - a).cross(c - a).length() / 6.0;
     if area.is_nan() || area <= 0.0 {
@@ -139,6 +141,7 @@ fn piece(corners: [Place; 3], normal: DVec3, emit: &mut impl FnMut(&SourcePoint)
         emit(&SourcePoint {
             place,
             surface,
+            triangle,
             normal,
             area,
         });

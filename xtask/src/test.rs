@@ -49,7 +49,11 @@ pub(crate) fn run(project: &Project) -> ExitCode {
     }
     steps.run("documentation", "1 min", || documentation(project));
     steps.run("dependencies", "5 s", || deny(project));
-    steps.run("spelling", "1 s", || typos(project));
+    if set_up {
+        steps.run("spelling", "1 s", || typos(project));
+    } else {
+        steps.cannot_run("spelling", "set-up");
+    }
     if built && set_up {
         steps.run("browser", "3 min", || browser::run(project).map(passed));
     } else {
@@ -147,19 +151,15 @@ fn documentation(project: &Project) -> Result<Outcome> {
 
 fn deny(project: &Project) -> Result<Outcome> {
     if process::find("cargo-deny").is_none() {
-        return Ok(missing("cargo-deny", "cargo install --locked cargo-deny"));
+        return Ok(Outcome::Skipped(
+            "cargo-deny is not installed (cargo install --locked cargo-deny)".into(),
+        ));
     }
     // The advisories come over a network that CI may not have; what the project itself decides does not.
     cargo(project, &["deny", "check", "bans", "licenses", "sources"])
 }
 
 fn typos(project: &Project) -> Result<Outcome> {
-    if process::find("typos").is_none() {
-        return Ok(missing("typos", "cargo install --locked typos-cli"));
-    }
-    process::run(Command::new("typos").current_dir(&project.root)).map(passed)
-}
-
-fn missing(tool: &str, install: &str) -> Outcome {
-    Outcome::Skipped(format!("{tool} is not installed ({install})"))
+    let program = tools::python(project).join("bin/typos");
+    process::run(Command::new(program).current_dir(&project.root)).map(passed)
 }

@@ -1,4 +1,4 @@
-//! Programs from `PyPI` that tests of the server talk to: an S3 server, and checkers of HTTP.
+//! Programs from `PyPI`: an S3 server and checkers of HTTP, which tests of the server talk to, and a spelling checker.
 
 use crate::{process, project::Project};
 use anyhow::Result;
@@ -6,7 +6,12 @@ use std::path::PathBuf;
 use std::process::Command;
 
 /// What is installed, at the versions that the tests were made with.
-const PACKAGES: [&str; 3] = ["moto[server]==5.2.5", "h2==4.4.1", "redbot==2.7.1"];
+const PACKAGES: [&str; 4] = [
+    "moto[server]==5.2.5",
+    "h2==4.4.1",
+    "redbot==2.7.1",
+    "typos==1.52.0",
+];
 
 /// Where: tests look there.
 pub(crate) fn python(project: &Project) -> PathBuf {

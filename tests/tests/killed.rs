@@ -176,7 +176,7 @@ fn the_memory_ceiling_holds() {
         "--memory",
         "64M",
         "--error-rel",
-        "1e-6"
+        "5e-6"
     ];
     let finished = marquetry(&arguments).unwrap();
     assert_eq!(finished.code, Some(1));

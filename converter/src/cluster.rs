@@ -5,7 +5,7 @@
 //! packs them along a Hilbert curve into leaves, [`tree`] builds coarser clusters over these, made by [`simplify`], and
 //! [`bound`] says how far each is from what it stands for.
 //!
-//! Every component lies in one leaf as a whole, or below a node of its own ([`patchwork`]), so that no cut through the tree can
+//! Every component lies in one leaf as a whole, or below a node of its own (`patchwork`), so that no cut through the tree can
 //! open a crack in it. Also larger components come here where charts would need many more samples than they
 //! have triangles, as CAD models do ([`select::Selection::take_all`]), or are torn to shreds, as photogrammetry can be.
 

@@ -5,7 +5,7 @@
 //! more than `CREASE` away from them: there each face sees only those of about its own direction, so that a cube is not lit
 //! like a ball.
 //! Components follow each other along a Hilbert curve, and fill one leaf after the other. One that does not fit a leaf is halved
-//! until its parts do, which [`patchwork`](super::patchwork) puts together again.
+//! until its parts do, which `patchwork` puts together again.
 
 use super::bound::{Target, hausdorff};
 use super::patchwork::{self, Halves};

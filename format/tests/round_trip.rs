@@ -505,14 +505,7 @@ fn a_cluster_of_many_children_survives() {
     }
     for count in [255, 256, 1000] {
         root.children = vec![leaf.clone(); count];
-        let model = Model {
-            glue: Vec::new(),
-            surface: &strip,
-            resolution: &|_| 2,
-            split: &never,
-            shift: 4,
-            has_colours: false,
-        };
+        let model = without_charts(4, false);
         let file = model.write_with(&root).unwrap();
         assert!(verify(&SliceSource(&file)).unwrap().ok);
         let document = open(&file);
@@ -527,14 +520,7 @@ fn a_cluster_of_many_children_survives() {
 
 #[test]
 fn clusters_that_break_a_rule_are_not_written() {
-    let model = Model {
-        glue: Vec::new(),
-        surface: &strip,
-        resolution: &|_| 2,
-        split: &never,
-        shift: 4,
-        has_colours: false,
-    };
+    let model = without_charts(4, false);
     let refused = |change: &dyn Fn(&mut writer::ClusterInput)| {
         let mut root = clusters(4, false);
         change(&mut root);

@@ -5,12 +5,12 @@
 //! what is held no longer leaves a cluster room enough, that ends: the nodes left are the children of one, which a cut takes all or none of
 //! (clusters with borders held as in Yoon, Salomon, Gayle & Manocha, "Quick-VDR: Interactive View-Dependent Rendering of
 //! Massive Models", 2004, without its dependencies between clusters).
-//! Limit: a border grows by half its length a level, so one node comes to stand for a few thousand triangles, and between
+//! Limit: a border is twice as long with every level, so one node comes to stand for a few thousand triangles, and between
 //! these nodes and the one above all of them there is nothing to draw.
 
 use super::leaf::{Piece, leaf};
 use super::simplify::simplified_within;
-use super::tree::{parent, parent_by};
+use super::tree::{above, joined, parent};
 use marquetry_format::LatticePoint;
 use marquetry_format::writer::ClusterInput;
 use std::collections::HashMap;
@@ -94,13 +94,9 @@ fn roots(halves: Halves, leaves: Range<u32>, spans: &Spans, colours: bool) -> Ro
         let [first, last] = spans.get(place).copied().unwrap_or([0, u32::MAX]);
         first < start || last >= end
     };
-    let nodes = std::mem::take(&mut roots.nodes);
-    match parent_by(nodes, |whole| simplified_within(whole, is_held)) {
-        Ok(node) => roots.nodes.push(node),
-        Err(nodes) => {
-            roots.nodes = nodes;
-            roots.is_stuck = true;
-        }
+    match simplified_within(&joined(&roots.nodes), is_held) {
+        Some((coarser, error)) => roots.nodes = vec![above(roots.nodes, &coarser, error)],
+        None => roots.is_stuck = true,
     }
     roots
 }

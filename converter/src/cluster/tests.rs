@@ -260,7 +260,7 @@ fn the_same_for_any_number_of_threads() {
     assert_eq!(built(1), built(4));
 }
 
-/// The edges of a cut below `node` with the number of their triangles. A node is split where `is_split` of its number of leaves.
+/// Adds the edges of a cut below `node` with the number of their triangles; `is_split` is asked of every node that has children.
 fn edges_of_cut(
     node: &ClusterInput,
     is_split: &mut impl FnMut() -> bool,

@@ -33,27 +33,27 @@ pub fn tree(nodes: Vec<ClusterInput>) -> ClusterInput {
 
 /// One node in place of `children`.
 pub(super) fn parent(children: Vec<ClusterInput>) -> ClusterInput {
-    parent_by(children, |shape| Some(simplified(shape))).unwrap_or_default()
+    let (coarser, error) = simplified(&joined(&children));
+    above(children, &coarser, error)
 }
 
-/// One node in place of `children`, its mesh and the bound of its distance to theirs by `simplify`; the children where that finds none.
-pub(super) fn parent_by(
-    children: Vec<ClusterInput>,
-    simplify: impl FnOnce(&Shape) -> Option<(Shape, f64)>,
-) -> Result<ClusterInput, Vec<ClusterInput>> {
+/// The meshes of `children` as one.
+pub(super) fn joined(children: &[ClusterInput]) -> Shape {
     let mut shape = Shape::default();
-    let mut below = 0.0f64;
-    for child in &children {
+    for child in children {
         shape.append_cluster(&child.mesh);
-        below = below.max(f64::from(child.error));
     }
+    shape
+}
+
+/// The node over `children` that shows `coarser` in their place, whose distance to theirs is at most `error`.
+pub(super) fn above(children: Vec<ClusterInput>, coarser: &Shape, error: f64) -> ClusterInput {
+    let errors = children.iter().map(|child| f64::from(child.error));
+    let below = errors.fold(0.0, f64::max);
     let colours = children.iter().any(|child| !child.mesh.colours.is_empty());
-    let Some((coarser, error)) = simplify(&shape) else {
-        return Err(children);
-    };
-    Ok(ClusterInput {
+    ClusterInput {
         mesh: coarser.cluster(colours),
         error: upwards(below + error),
         children,
-    })
+    }
 }

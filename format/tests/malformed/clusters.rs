@@ -1,7 +1,7 @@
 //! Faults of the cluster sections.
 
 use super::support::assemble::Part;
-use super::support::{Model, clusters, never, strip};
+use super::support::{clusters, without_charts};
 use super::{Case, changed};
 use marquetry_format::Error;
 
@@ -12,14 +12,7 @@ const PACKED: usize = HEAD + 4 * NODES;
 
 /// A file of clusters alone.
 pub(super) fn file() -> Vec<u8> {
-    let model = Model {
-        glue: Vec::new(),
-        surface: &strip,
-        resolution: &|_| 2,
-        split: &never,
-        shift: 10,
-        has_colours: true,
-    };
+    let model = without_charts(10, true);
     model.write_with(&clusters(10, true)).unwrap()
 }
 
@@ -171,6 +164,15 @@ fn tree() -> Vec<Case> {
                 Error::Reserved {
                     what: "clusters",
                     value: 0x100
+                }
+            )
+        }),
+        ("clusters_planes_2", with_tree(|t| t[33] = 2), |e| {
+            matches!(
+                e,
+                Error::Reserved {
+                    what: "clusters",
+                    value: 2
                 }
             )
         }),

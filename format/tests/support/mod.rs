@@ -31,6 +31,18 @@ pub struct Model<'a> {
     pub has_colours: bool,
 }
 
+/// A model of clusters alone.
+pub fn without_charts(shift: u8, has_colours: bool) -> Model<'static> {
+    Model {
+        glue: Vec::new(),
+        surface: &strip,
+        resolution: &|_| 2,
+        split: &never,
+        shift,
+        has_colours,
+    }
+}
+
 impl Model<'_> {
     pub fn lattice(&self) -> Lattice {
         Lattice {

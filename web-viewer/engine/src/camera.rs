@@ -54,6 +54,20 @@ impl Camera {
         })
     }
 
+    /// Standard view `index` from where the model fits `viewport`: [`STANDARD_DISTANCE`], or as much farther as a
+    /// picture is taller than wide, so that what is seen across it stays the same.
+    ///
+    /// # Errors
+    /// [`EngineError::NoSuchView`] above 25.
+    pub fn framing(
+        metadata: &Metadata,
+        index: usize,
+        viewport: Viewport,
+    ) -> Result<Self, EngineError> {
+        let taller = f64::from(viewport.height) / f64::from(viewport.width);
+        Self::standard(metadata, index, STANDARD_DISTANCE * taller.max(1.0))
+    }
+
     /// Reads `eye.x,eye.y,eye.z,target.x,target.y,target.z`; up follows from the metadata.
     /// [`std::fmt::Display`] writes the same.
     ///

@@ -9,8 +9,8 @@ mod input;
 
 pub use input::{InputEvent, Key, Modifiers, PointerButton, PointerKind};
 
-use crate::camera::{BoundingSphere, FIELD_OF_VIEW, STANDARD_DISTANCE, up_axis};
-use crate::{Camera, EngineError, Shade, Viewport};
+use crate::camera::{BoundingSphere, FIELD_OF_VIEW, up_axis};
+use crate::{Camera, Shade, Viewport};
 use glam::{DVec2, DVec3};
 use marquetry_format::Metadata;
 
@@ -24,6 +24,8 @@ const ZOOM_PER_NOTCH: f64 = 1.15;
 const KEY_ANGLE: f64 = 0.12;
 /// What an arrow key pans, as a part of the viewport's height.
 const KEY_PAN: f64 = 0.08;
+/// Standard views along an axis, which digits choose.
+const FACE_VIEWS: usize = 6;
 
 /// What a control changed besides the camera.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -38,6 +40,8 @@ pub enum Action {
     ToggleFreeze,
     /// Look at this point, from the same side.
     Focus(DVec3),
+    /// Show the whole model from this standard view.
+    Frame(usize),
 }
 
 #[derive(Debug, Clone, Copy)]
@@ -62,28 +66,19 @@ enum Gesture {
 pub struct Controls {
     sphere: BoundingSphere,
     pole: DVec3,
-    home: [Camera; 6],
     pointers: Vec<Pointer>,
     flight: Option<fly::Flight>,
 }
 
 impl Controls {
     /// Controls for the model that `metadata` describes.
-    ///
-    /// # Errors
-    /// Never for the standard views it asks for; the type follows from [`Camera::standard`].
-    pub fn new(metadata: &Metadata) -> Result<Self, EngineError> {
-        let mut home = [Camera::standard(metadata, 0, STANDARD_DISTANCE)?; 6];
-        for (index, camera) in home.iter_mut().enumerate() {
-            *camera = Camera::standard(metadata, index, STANDARD_DISTANCE)?;
-        }
-        Ok(Self {
+    pub fn new(metadata: &Metadata) -> Self {
+        Self {
             sphere: BoundingSphere::of(metadata),
             pole: up_axis(metadata),
-            home,
             pointers: Vec::new(),
             flight: None,
-        })
+        }
     }
 
     /// Where `event` asks what is below: a place of the picture, pixels. `None` where it does not matter.
@@ -305,19 +300,12 @@ impl Controls {
                 self.zoom(camera, factor, middle(viewport), viewport, below);
                 return Action::Taken;
             }
-            Key::Home => {
-                *camera = self.home[0];
-                return Action::Taken;
-            }
+            Key::Home => return Action::Frame(0),
             Key::Digit(digit) => {
-                let Some(view) = usize::from(digit)
-                    .checked_sub(1)
-                    .and_then(|n| self.home.get(n))
-                else {
-                    return Action::Ignored;
-                };
-                *camera = *view;
-                return Action::Taken;
+                let view = usize::from(digit).checked_sub(1);
+                return view
+                    .filter(|view| *view < FACE_VIEWS)
+                    .map_or(Action::Ignored, Action::Frame);
             }
             Key::Letter('l') => return Action::ToggleShade(Shade::Lod),
             Key::Letter('w') => return Action::ToggleShade(Shade::Wire),
@@ -427,7 +415,7 @@ mod tests {
     fn start() -> (Controls, Camera) {
         let metadata = metadata();
         (
-            Controls::new(&metadata).unwrap(),
+            Controls::new(&metadata),
             Camera::standard(&metadata, 0, 2.5).unwrap(),
         )
     }

@@ -10,7 +10,7 @@ mod pick;
 mod plan;
 mod stream;
 
-use crate::camera::{STANDARD_DISTANCE, View};
+use crate::camera::View;
 use crate::colour::layer::ColourLayer;
 use crate::colour::stream::TileStream;
 use crate::controls::{Action, Controls};
@@ -46,6 +46,8 @@ pub struct Viewer {
     forest: Forest,
     options: ViewerOptions,
     camera: Camera,
+    /// The standard view that shows the whole model, until the camera is moved: it follows the shape of the picture.
+    framed: Option<usize>,
     controls: Controls,
     viewport: Viewport,
     filter: Option<PageFilter>,
@@ -138,13 +140,15 @@ impl Viewer {
             available: MAX_LAYERS,
         })?;
         let coarsest = Cut::coarsest(document.charts.len());
+        let viewport = Viewport::new(1, 1);
         Ok(Self {
             id: NEXT_ID.fetch_add(1, Ordering::Relaxed),
             forest: Forest::new(&document),
-            camera: Camera::standard(&document.metadata, 0, STANDARD_DISTANCE)?,
-            controls: Controls::new(&document.metadata)?,
+            camera: Camera::framing(&document.metadata, 0, viewport)?,
+            framed: Some(0),
+            controls: Controls::new(&document.metadata),
             options,
-            viewport: Viewport::new(1, 1),
+            viewport,
             filter: None,
             clock: 0.0,
             moved_at: f64::NEG_INFINITY,
@@ -214,8 +218,23 @@ impl Viewer {
         let finite = camera.eye.is_finite() && camera.target.is_finite() && camera.up.is_finite();
         if finite && camera.eye != camera.target {
             self.camera = camera;
+            self.framed = None;
             self.glide = None;
         }
+    }
+
+    /// Shows the whole model from a standard view, and keeps doing so while the picture changes shape.
+    ///
+    /// # Errors
+    /// [`EngineError::NoSuchView`] above 25; the camera stays.
+    pub fn frame_model(&mut self, view: usize) -> Result<(), EngineError> {
+        self.set_camera(Camera::framing(
+            &self.document.metadata,
+            view,
+            self.viewport,
+        )?);
+        self.framed = Some(view);
+        Ok(())
     }
 
     /// Whether keys fly instead of orbiting.
@@ -238,16 +257,20 @@ impl Viewer {
         let action = self
             .controls
             .handle(event, &mut camera, self.viewport, below);
-        if action != Action::Ignored || camera != self.camera {
+        if camera != self.camera {
             self.set_camera(camera);
+        } else if action != Action::Ignored {
+            self.glide = None;
         }
         match action {
             Action::Ignored => false,
             Action::Taken => true,
             Action::Focus(point) => {
+                self.framed = None;
                 self.glide = Some(glide::Glide::to(self.camera, point));
                 true
             }
+            Action::Frame(view) => self.frame_model(view).is_ok(),
             Action::ToggleFreeze => {
                 self.options.freeze = !self.options.freeze;
                 self.stale.plan = true;
@@ -505,7 +528,13 @@ impl Viewer {
 
     /// The view of the present camera; notes whether it is another one than before.
     fn look(&mut self, viewport: Viewport) -> View {
-        self.viewport = viewport;
+        if self.viewport != viewport {
+            self.viewport = viewport;
+            if let Some(view) = self.framed {
+                let framed = Camera::framing(&self.document.metadata, view, viewport);
+                self.camera = framed.unwrap_or(self.camera);
+            }
+        }
         let view = View::new(&self.camera, &self.document.metadata, viewport);
         if self.view != Some(view) {
             if self.view.is_some() {

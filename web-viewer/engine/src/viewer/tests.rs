@@ -446,6 +446,37 @@ fn few_bytes_mean_coarser_tiles_and_still_settle() {
 }
 
 #[test]
+fn the_whole_model_is_seen_in_a_window_of_any_shape() {
+    use crate::controls::Key;
+    let network = Network::new(Shape::Cube, 5);
+    let mut viewer = network.viewer(ViewerOptions::default());
+    let distance = |viewer: &Viewer| {
+        let camera = viewer.camera();
+        (camera.eye - camera.target).length()
+    };
+    let shapes =
+        [[800, 600], [360, 720], [600, 600], [1600, 200]].map(|[w, h]| Viewport::new(w, h));
+    let near = distance(&viewer);
+    let key = |key| InputEvent::KeyDown {
+        key,
+        modifiers: crate::Modifiers::default(),
+    };
+    for (viewport, expected) in shapes.into_iter().zip([1.0, 2.0, 1.0, 1.0]) {
+        viewer.update(0.0, viewport);
+        assert!((distance(&viewer) / near - expected).abs() < 1e-12);
+    }
+    // A camera that was chosen stays, until the view of the whole model is asked for.
+    viewer.handle(key(Key::ArrowLeft));
+    viewer.update(0.0, shapes[1]);
+    assert!((distance(&viewer) / near - 1.0).abs() < 1e-12);
+    viewer.handle(key(Key::Digit(2)));
+    assert!((distance(&viewer) / near - 2.0).abs() < 1e-12);
+    viewer.update(0.0, shapes[0]);
+    assert!((distance(&viewer) / near - 1.0).abs() < 1e-12);
+    assert!(viewer.frame_model(26).is_err());
+}
+
+#[test]
 fn a_double_click_brings_the_point_to_the_middle() {
     let mut network = Network::new(Shape::Cube, 21);
     for morph_seconds in [0.0, 0.25] {

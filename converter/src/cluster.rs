@@ -12,6 +12,7 @@
 pub mod bound;
 pub mod leaf;
 mod patchwork;
+pub mod refine;
 pub mod select;
 pub mod shape;
 pub mod simplify;
@@ -21,6 +22,28 @@ use crate::mesh::ManifoldMesh;
 use glam::DVec3;
 use marquetry_format::Lattice;
 use marquetry_format::writer::ClusterInput;
+
+/// What a node has room for beside its triangles and vertices.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Room {
+    /// Nothing.
+    Plain,
+    /// An image of its own, which has to show the triangles without cutting them into too many patches.
+    Textured,
+}
+
+impl Room {
+    /// Most texels of a triangle.
+    pub const MOST_TEXELS: f32 = 8_000.0;
+
+    /// Most texels of the source's images on a leaf: an image of 256² texels has gaps.
+    fn texels(self) -> f32 {
+        match self {
+            Self::Plain => f32::INFINITY,
+            Self::Textured => 30_000.0,
+        }
+    }
+}
 
 /// A tree of clusters, and what is in it.
 #[derive(Debug)]
@@ -38,7 +61,7 @@ pub struct Layer {
 pub struct Summary {
     /// Components of the source.
     pub components: usize,
-    /// Their triangles.
+    /// Their triangles, halves of those that have too many texels for one.
     pub triangles: usize,
     /// Nodes of the tree.
     pub nodes: usize,
@@ -46,7 +69,8 @@ pub struct Summary {
     pub leaves: usize,
 }
 
-/// Builds the tree of `components`, lists of triangles of `mesh`, of which there is at least one.
+/// Builds the tree of `components`, lists of triangles of `mesh`, of which there is at least one. `texels` has those of the source's
+/// images by triangle; it is empty where clusters need no room for textures.
 ///
 /// The same for any number of threads.
 pub fn build(
@@ -54,15 +78,28 @@ pub fn build(
     components: &[Vec<u32>],
     lattice: &Lattice,
     colours: bool,
+    texels: &[f32],
 ) -> Layer {
-    let nodes = leaf::nodes(mesh, components, lattice, colours);
+    let room = if texels.is_empty() {
+        Room::Plain
+    } else {
+        Room::Textured
+    };
+    let source = leaf::Source {
+        mesh,
+        lattice,
+        texels,
+        room,
+        colours,
+    };
+    let nodes = leaf::nodes(&source, components);
     let mut summary = Summary {
         components: components.len(),
         triangles: components.iter().map(Vec::len).sum(),
         nodes: 0,
         leaves: 0,
     };
-    let root = tree::tree(nodes);
+    let root = tree::tree(nodes, room);
     let mut max_error = 0.0f64;
     let mut stack = vec![&root];
     while let Some(node) = stack.pop() {

@@ -7,7 +7,7 @@ mod stages;
 pub use error::ConvertError;
 
 use crate::atlas::{build, quantize};
-use crate::cluster::{self, select::Selection};
+use crate::cluster::{self, Room, select::Selection};
 use crate::import::{self, ImportReport};
 use crate::memory;
 use crate::mesh::account::Account;
@@ -189,8 +189,8 @@ impl Conversion<'_> {
         self.begin("manifold")?;
         let (mesh, account) = mesh::prepare(imported).map_err(|e| e.in_file(self.input))?;
         let frame = Frame::of(&mesh, self.options.error_rel, has_colours);
-        let mut selection = cluster::select::select(mesh, textures.has_images());
-        // Clusters show no textures.
+        let mut selection = cluster::select::select(mesh);
+        // Charts show images better than clusters, whose images are cut into more patches.
         let most_samples = if !textures.has_images() && selection.can_take_all() {
             (selection.rest.triangles.len() as u64)
                 .saturating_mul(self.options.samples_per_triangle)
@@ -212,19 +212,13 @@ impl Conversion<'_> {
         selection.rest.triangles.truncate(caps.source_triangles);
         let Selection {
             rest: surface,
-            small,
-            components,
+            mut small,
+            mut components,
         } = selection;
         let clusters = if components.is_empty() {
             None
         } else {
-            self.begin("cluster")?;
-            Some(cluster::build(
-                &small,
-                &components,
-                &frame.lattice,
-                has_colours,
-            ))
+            Some(self.clusters(&mut small, &mut components, &textures, &frame)?)
         };
 
         self.begin("measure")?;
@@ -286,6 +280,38 @@ impl Conversion<'_> {
             merged: Merged::of(&account),
             textures,
         })
+    }
+
+    /// The tree of `components`, lists of triangles of `small`, with its textures.
+    fn clusters(
+        &mut self,
+        small: &mut ManifoldMesh,
+        components: &mut [Vec<u32>],
+        textures: &Textures,
+        frame: &Frame,
+    ) -> Result<cluster::Layer, ConvertError> {
+        self.begin("cluster")?;
+        let mut texels = textures
+            .texels_of(&small.positions, &small.triangles)
+            .map_err(|source| self.texture_error(source.into()))?;
+        cluster::refine::refine(small, components, &mut texels, Room::MOST_TEXELS);
+        let mut layer = cluster::build(
+            small,
+            components,
+            &frame.lattice,
+            frame.has_colours,
+            &texels,
+        );
+        if textures.has_images() {
+            self.begin("cluster-textures")?;
+            let progress = self.stages.progress;
+            textures
+                .paint(&mut layer.root, &frame.lattice, &|done| {
+                    progress.fraction(done)
+                })
+                .map_err(|source| self.texture_error(source))?;
+        }
+        Ok(layer)
     }
 
     fn import(&mut self) -> Result<(ImportedMesh, ImportReport), ConvertError> {
@@ -454,6 +480,14 @@ impl Conversion<'_> {
             index.load(&source).map_err(unreadable)?;
             textures.tiles = index.tile_count();
             textures.bytes = index.bytes();
+        }
+        let mut nodes: Vec<_> = clusters.iter().map(|layer| &layer.root).collect();
+        while let Some(node) = nodes.pop() {
+            if let Some(texture) = &node.mesh.texture {
+                textures.clusters += 1;
+                textures.cluster_bytes += texture.frame.len() as u64;
+            }
+            nodes.extend(&node.children);
         }
         let levels = atlas
             .charts

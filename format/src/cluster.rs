@@ -6,6 +6,9 @@
 
 pub(crate) mod directory;
 pub(crate) mod mesh;
+mod texture;
+
+pub use texture::{ClusterTexture, MAX_TEXTURE_TEXELS, TEXTURE_STEP};
 
 use crate::{Bounds, LatticePoint};
 use std::ops::Range;
@@ -34,6 +37,8 @@ pub struct ClusterMesh {
     pub colours: Vec<[u8; 3]>,
     /// Corners, counter-clockwise seen from outside.
     pub triangles: Vec<[u8; 3]>,
+    /// The image on the triangles, which then takes the place of the colours.
+    pub texture: Option<ClusterTexture>,
 }
 
 /// What the front of the file says of one node of the cluster tree.
@@ -51,6 +56,8 @@ pub struct ClusterNode {
     pub triangles: u16,
     /// Upper bound of the distance, both ways, between the mesh and the source of all leaves below it, lattice units.
     pub error: f32,
+    /// Length of a texel of its texture, lattice units; `None` without one.
+    pub texel: Option<f32>,
     /// Holds the mesh and the bounds of the children.
     pub bounds: Bounds,
     /// Where the mesh lies in the file.
@@ -66,7 +73,7 @@ pub struct Clusters {
     pub nodes: Vec<ClusterNode>,
     /// The mesh of the root.
     pub root: ClusterMesh,
-    /// Bytes of all meshes: geometry, normals, colours.
+    /// Bytes of all meshes: geometry, normals, colours and textures.
     pub(crate) part_bytes: [u64; 3],
 }
 

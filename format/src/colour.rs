@@ -19,6 +19,8 @@ pub mod writer;
 pub use index::ColourIndex;
 pub use tile::{TileTexels, decode_vp8};
 
+pub(crate) use tile::{decode_frame, frame_size};
+
 pub(crate) use block::facts_of;
 pub(crate) use directory::content_of;
 

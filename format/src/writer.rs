@@ -66,7 +66,9 @@ pub struct ClusterInput {
     pub mesh: ClusterMesh,
     /// As [`ClusterNode::error`](crate::ClusterNode::error); never above the parent's.
     pub error: f32,
-    /// None, or 2 to 255.
+    /// Length of a texel of the mesh's texture, lattice units, above 0; `None` without one.
+    pub texel: Option<f32>,
+    /// None, or 2 to 65 535.
     pub children: Vec<ClusterInput>,
 }
 

@@ -10,8 +10,9 @@ use marquetry_native::Headless;
 use marquetry_tests::stage::Stage;
 use marquetry_tests::{Converted, arguments, convert, data, marquetry, textured};
 use serde_json::Value;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
+use tempfile::TempDir;
 
 const SIZE: (u32, u32) = (640, 480);
 
@@ -52,6 +53,53 @@ fn similarity(
     let [shown, direct] =
         [&shown, &direct.rgba].map(|rgba| Image::new(width, height, rgba).unwrap());
     ssim(shown, direct, &mask).unwrap().unwrap()
+}
+
+/// The scan at `input`, an OBJ file with an image beside it, without every hundredth triangle.
+fn torn(input: &Path, folder: &Path) -> PathBuf {
+    let text = std::fs::read_to_string(input).unwrap();
+    let mut faces = 0;
+    let kept = text.lines().filter(|line| {
+        faces += usize::from(line.starts_with("f "));
+        !line.starts_with("f ") || faces % 100 > 0
+    });
+    let torn = folder.join("torn.obj");
+    std::fs::write(&torn, kept.collect::<Vec<_>>().join("\n")).unwrap();
+    for name in ["texturedMesh.mtl", "texture_1001.png"] {
+        std::fs::copy(input.with_file_name(name), folder.join(name)).unwrap();
+    }
+    torn
+}
+
+/// A hole for every hundred triangles: clusters with images of their own, at every level.
+#[test]
+fn a_torn_scan_keeps_its_textures() {
+    let Some(input) = data::find("textured_meshroom/texturedMesh.obj") else {
+        return;
+    };
+    let folder = TempDir::new().unwrap();
+    let input = torn(&input, folder.path());
+    let file = convert(&input, &["--allow-worse"]).unwrap();
+    let textures = &file.report["textures"];
+    let count = |key: &str| textures[key].as_u64().unwrap();
+    let clusters = &file.report["output"]["clusters"];
+    assert!(
+        clusters["triangles"].as_u64().unwrap() > 50_000,
+        "{clusters}"
+    );
+    assert_eq!(count("clusters"), clusters["nodes"].as_u64().unwrap());
+    assert!(
+        2 * count("cluster_bytes") <= count("image_bytes"),
+        "{textures}"
+    );
+    let verified = marquetry(&arguments!["verify", &file.path]).unwrap();
+    verified.succeeded().unwrap();
+    let headless = Headless::new().unwrap();
+    for (view, distance, least) in [(0, 2.5, 0.9), (4, 2.5, 0.9), (0, 1.2, 0.85), (0, 8.0, 0.9)] {
+        let ssim = similarity(&headless, &input, &file, view, distance);
+        println!("view {view} at {distance}: SSIM {ssim:.4}");
+        assert!(ssim >= least, "view {view} at {distance}: SSIM {ssim}");
+    }
 }
 
 #[test]

@@ -7,6 +7,7 @@
 //! Components follow each other along a Hilbert curve, and fill one leaf after the other. One that does not fit a leaf is halved
 //! until its parts do, which `patchwork` puts together again.
 
+use super::Room;
 use super::bound::{Target, hausdorff};
 use super::patchwork::{self, Halves};
 use super::shape::{Shape, Vertex, point};
@@ -33,6 +34,23 @@ pub(super) struct Piece {
     pub(super) shape: Shape,
     /// Bound of its distance to the component, lattice units.
     pub(super) error: f64,
+    /// Texels of the source's images on it.
+    texels: f32,
+}
+
+/// What components are made clusters of.
+#[derive(Debug, Clone, Copy)]
+pub struct Source<'a> {
+    /// The triangles.
+    pub mesh: &'a ManifoldMesh,
+    /// Where they are put.
+    pub lattice: &'a Lattice,
+    /// Texels of the source's images by triangle; empty without images.
+    pub texels: &'a [f32],
+    /// What nodes have room for.
+    pub room: Room,
+    /// Whether vertices have colours.
+    pub colours: bool,
 }
 
 /// A component on the lattice.
@@ -43,22 +61,18 @@ enum Placed {
 }
 
 /// Nodes that hold `components` of at most [`MOST_TRIANGLES`], in the order of a space-filling curve.
-pub fn nodes(
-    mesh: &ManifoldMesh,
-    components: &[Vec<u32>],
-    lattice: &Lattice,
-    colours: bool,
-) -> Vec<ClusterInput> {
+pub fn nodes(source: &Source<'_>, components: &[Vec<u32>]) -> Vec<ClusterInput> {
+    let Source { room, colours, .. } = *source;
     let mut found: Vec<(u64, Placed)> = components
         .par_iter()
         .map(|component| {
-            let component = Component::new(mesh, component, lattice);
-            (component.key(), component.placed(colours))
+            let component = Component::new(source, component);
+            (component.key(), component.placed())
         })
         .collect();
     found.sort_by_key(|&(key, _)| key);
     let mut nodes = Vec::new();
-    let (mut shape, mut error) = (Shape::default(), 0.0f64);
+    let (mut shape, mut error, mut texels) = (Shape::default(), 0.0f64, 0.0f32);
     for (_, placed) in found {
         let piece = match placed {
             Placed::Piece(piece) => piece,
@@ -69,10 +83,15 @@ pub fn nodes(
         };
         let triangles = shape.triangles.len() + piece.shape.triangles.len();
         let vertices = shape.vertices.len() + piece.shape.vertices.len();
-        if triangles > MAX_CLUSTER_TRIANGLES || vertices > MAX_CLUSTER_VERTICES {
+        let is_full = triangles > MAX_CLUSTER_TRIANGLES
+            || vertices > MAX_CLUSTER_VERTICES
+            || texels + piece.texels > room.texels()
+            || !fits_together(&shape, &piece.shape, room);
+        if is_full && !shape.triangles.is_empty() {
             nodes.push(leaf(&std::mem::take(&mut shape), error, colours));
-            error = 0.0;
+            (error, texels) = (0.0, 0.0);
         }
+        texels += piece.texels;
         shape.append(&piece.shape);
         error = error.max(piece.error);
     }
@@ -82,10 +101,20 @@ pub fn nodes(
     nodes
 }
 
+/// Whether a leaf has room for both; where it is plain their numbers say.
+fn fits_together(shape: &Shape, other: &Shape, room: Room) -> bool {
+    room == Room::Plain || {
+        let mut both = shape.clone();
+        both.append(other);
+        both.fits(room)
+    }
+}
+
 pub(super) fn leaf(shape: &Shape, error: f64, colours: bool) -> ClusterInput {
     ClusterInput {
         mesh: shape.cluster(colours),
         error: upwards(error),
+        texel: None,
         children: Vec::new(),
     }
 }
@@ -102,6 +131,7 @@ pub(super) fn upwards(length: f64) -> f32 {
 }
 
 struct Component<'a> {
+    source: &'a Source<'a>,
     mesh: &'a ManifoldMesh,
     triangles: &'a [u32],
     lattice: &'a Lattice,
@@ -112,11 +142,13 @@ struct Component<'a> {
 }
 
 impl<'a> Component<'a> {
-    fn new(mesh: &'a ManifoldMesh, triangles: &'a [u32], lattice: &'a Lattice) -> Self {
+    fn new(source: &'a Source<'a>, triangles: &'a [u32]) -> Self {
+        let Source { mesh, lattice, .. } = *source;
         let corners = |&t: &u32| mesh.triangles[t as usize].map(|v| [v, t]);
         let mut faces: Vec<[u32; 2]> = triangles.iter().flat_map(corners).collect();
         faces.sort_unstable();
         Self {
+            source,
             mesh,
             triangles,
             lattice,
@@ -134,23 +166,42 @@ impl<'a> Component<'a> {
             .map(|face| face[1])
     }
 
-    fn placed(&self, colours: bool) -> Placed {
+    /// Texels of the source's images on some triangles.
+    fn texels(&self, triangles: &[u32]) -> f32 {
+        let texels = self.source.texels;
+        let of = |&t: &u32| texels.get(t as usize).copied().unwrap_or(0.0);
+        triangles.iter().map(of).sum()
+    }
+
+    fn placed(&self) -> Placed {
+        let Source { room, colours, .. } = *self.source;
         // One leaf without creases is better than two with them.
         if self.triangles.len() <= MAX_CLUSTER_TRIANGLES && self.vertices <= MAX_CLUSTER_VERTICES {
-            let is_creased =
-                self.shape(self.triangles, true).0.vertices.len() <= MAX_CLUSTER_VERTICES;
-            return Placed::Piece(self.piece(self.triangles, is_creased));
+            let piece = |creased| {
+                let piece = self.piece(self.triangles, creased);
+                (piece.shape.fits(room) && piece.texels <= room.texels()).then_some(piece)
+            };
+            if let Some(piece) = piece(true).or_else(|| piece(false)) {
+                return Placed::Piece(piece);
+            }
         }
         let halves = self.halves(&mut self.triangles.to_vec());
-        Placed::Node(patchwork::node(halves, colours))
+        Placed::Node(patchwork::node(halves, colours, room))
     }
 
     /// Halves `triangles` across their longest extent until the parts fit clusters.
     fn halves(&self, triangles: &mut [u32]) -> Halves {
-        let fits = triangles.len() <= MAX_CLUSTER_TRIANGLES
-            && self.shape(triangles, true).0.vertices.len() <= MAX_CLUSTER_VERTICES;
-        if fits || triangles.len() < 2 {
-            return Halves::Piece(self.piece(triangles, true));
+        let Source { room, texels, .. } = *self.source;
+        // An image has the light of creases in it, and they would double the vertices of rough scans.
+        let creased = texels.is_empty();
+        if triangles.len() <= MAX_CLUSTER_TRIANGLES && self.texels(triangles) <= room.texels() {
+            let piece = self.piece(triangles, creased);
+            if triangles.len() < 2 || piece.shape.fits(room) {
+                return Halves::Piece(piece);
+            }
+        }
+        if triangles.len() < 2 {
+            return Halves::Piece(self.piece(triangles, creased));
         }
         let centre = |&t: &u32| self.corners(t).into_iter().sum::<DVec3>() / 3.0;
         let (low, high) = triangles
@@ -185,7 +236,11 @@ impl<'a> Component<'a> {
                 }
             }
         }
-        Piece { shape, error }
+        Piece {
+            shape,
+            error,
+            texels: self.texels(triangles),
+        }
     }
 
     /// Place along the curve.

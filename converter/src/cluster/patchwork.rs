@@ -8,6 +8,7 @@
 //! Limit: a border is twice as long with every level, so one node comes to stand for a few thousand triangles, and between
 //! these nodes and the one above all of them there is nothing to draw.
 
+use super::Room;
 use super::leaf::{Piece, leaf};
 use super::simplify::simplified_within;
 use super::tree::{above, joined, parent};
@@ -31,13 +32,13 @@ const FAN_OUT: usize = 4;
 type Spans = HashMap<LatticePoint, [u32; 2]>;
 
 /// The node of a component.
-pub(super) fn node(halves: Halves, colours: bool) -> ClusterInput {
+pub(super) fn node(halves: Halves, colours: bool, room: Room) -> ClusterInput {
     let mut spans = Spans::new();
     let mut leaves = 0;
     note(&halves, &mut leaves, &mut spans);
-    let Roots { mut nodes, .. } = roots(halves, 0..leaves, &spans, colours);
+    let Roots { mut nodes, .. } = roots(halves, 0..leaves, &spans, (colours, room));
     if nodes.len() > 1 {
-        return parent(nodes);
+        return parent(nodes, room);
     }
     nodes.pop().unwrap_or_default()
 }
@@ -69,7 +70,12 @@ fn count(halves: &Halves) -> u32 {
     }
 }
 
-fn roots(halves: Halves, leaves: Range<u32>, spans: &Spans, colours: bool) -> Roots {
+fn roots(
+    halves: Halves,
+    leaves: Range<u32>,
+    spans: &Spans,
+    (colours, room): (bool, Room),
+) -> Roots {
     let [lower, upper] = match halves {
         Halves::Piece(piece) => {
             return Roots {
@@ -82,8 +88,8 @@ fn roots(halves: Halves, leaves: Range<u32>, spans: &Spans, colours: bool) -> Ro
     let middle = leaves.start + count(&lower);
     let (start, end) = (leaves.start, leaves.end);
     let (mut roots, upper) = rayon::join(
-        || roots(lower, start..middle, spans, colours),
-        || roots(upper, middle..end, spans, colours),
+        || roots(lower, start..middle, spans, (colours, room)),
+        || roots(upper, middle..end, spans, (colours, room)),
     );
     roots.nodes.extend(upper.nodes);
     roots.is_stuck |= upper.is_stuck;
@@ -94,7 +100,7 @@ fn roots(halves: Halves, leaves: Range<u32>, spans: &Spans, colours: bool) -> Ro
         let [first, last] = spans.get(place).copied().unwrap_or([0, u32::MAX]);
         first < start || last >= end
     };
-    match simplified_within(&joined(&roots.nodes), is_held) {
+    match simplified_within(&joined(&roots.nodes), is_held, room) {
         Some((coarser, error)) => roots.nodes = vec![above(roots.nodes, &coarser, error)],
         None => roots.is_stuck = true,
     }

@@ -69,7 +69,7 @@ impl Components {
     }
 
     /// Which parts are small, or ragged. `loops` has a half-edge of every boundary loop.
-    fn for_clusters(&self, loops: &[u32], is_textured: bool) -> Vec<bool> {
+    fn for_clusters(&self, loops: &[u32]) -> Vec<bool> {
         let mut loop_count = vec![0; self.sizes.len()];
         for &h in loops {
             loop_count[self.of[h as usize / 3] as usize] += 1;
@@ -77,7 +77,7 @@ impl Components {
         let wanted = |(&[t, v], loops): (&[usize; 2], usize)| {
             let is_small = t <= MAX_CLUSTER_TRIANGLES && v <= MAX_CLUSTER_VERTICES;
             let is_ragged = t < TRIANGLES_A_LOOP * loops && t.max(v) <= leaf::MOST_TRIANGLES;
-            t > 0 && (is_small || is_ragged && !is_textured)
+            t > 0 && (is_small || is_ragged)
         };
         self.sizes.iter().zip(loop_count).map(wanted).collect()
     }
@@ -115,14 +115,12 @@ fn sizes(mesh: &ManifoldMesh, of: &[u32], count: usize) -> Vec<[usize; 2]> {
 }
 
 /// Takes the small components, and small and ragged sheets of others, out of `mesh`. Every triangle is in one part or the other.
-///
-/// Where it `is_textured`, only what is small: clusters show no textures.
-pub fn select(mesh: ManifoldMesh, is_textured: bool) -> Selection {
+pub fn select(mesh: ManifoldMesh) -> Selection {
     let components = Components::of(&mesh);
     let loops = mesh.boundary_loops();
-    let is_whole = components.for_clusters(&loops, is_textured);
+    let is_whole = components.for_clusters(&loops);
     let components = components.of_sheets(&mesh, &is_whole);
-    let is_small = components.for_clusters(&loops, is_textured);
+    let is_small = components.for_clusters(&loops);
     if !is_small.contains(&true) {
         return Selection {
             rest: mesh,

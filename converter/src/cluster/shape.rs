@@ -1,5 +1,7 @@
 //! A small mesh on the lattice, on its way to being a cluster.
 
+use super::Room;
+use crate::texture::cluster::unwrap::is_unwrappable;
 use glam::DVec3;
 use marquetry_format::ClusterMesh;
 use marquetry_format::cluster::{MAX_CLUSTER_TRIANGLES, MAX_CLUSTER_VERTICES};
@@ -70,10 +72,11 @@ impl Shape {
     }
 
     /// Whether a cluster has room for it, and it is one.
-    pub fn fits(&self) -> bool {
+    pub fn fits(&self, room: Room) -> bool {
         !self.triangles.is_empty()
             && self.triangles.len() <= MAX_CLUSTER_TRIANGLES
             && self.vertices.len() <= MAX_CLUSTER_VERTICES
+            && (room == Room::Plain || is_unwrappable(&self.positions(), &self.triangles))
     }
 
     /// As a cluster; only where it [`fits`](Self::fits).
@@ -87,6 +90,7 @@ impl Shape {
             } else {
                 Vec::new()
             },
+            texture: None,
             triangles: self.triangles.iter().map(|t| t.map(index)).collect(),
         }
     }

@@ -6,6 +6,7 @@
 //! meshoptimizer's sloppy simplification), and leaving out all but the largest triangles.
 //! Vertices keep their positions, so all stay on the lattice. Where some of them are to stay, only the collapse will do.
 
+use super::Room;
 use super::bound::hausdorff;
 use super::shape::Shape;
 use marquetry_format::LatticePoint;
@@ -19,8 +20,8 @@ use meshopt::{
 const TARGETS: [usize; 6] = [MAX_CLUSTER_TRIANGLES, 192, 128, 96, 64, 32];
 
 /// A mesh that fits a cluster in place of `shape`, and the bound of the distance between them, lattice units.
-pub fn simplified(shape: &Shape) -> (Shape, f64) {
-    if shape.fits() {
+pub fn simplified(shape: &Shape, room: Room) -> (Shape, f64) {
+    if shape.fits(room) {
         return (shape.clone(), 0.0);
     }
     let positions = shape.positions();
@@ -30,7 +31,7 @@ pub fn simplified(shape: &Shape) -> (Shape, f64) {
         let fitting = TARGETS
             .iter()
             .map(|&target| way(shape, target))
-            .find(Shape::fits);
+            .find(|shape| shape.fits(room));
         let Some(candidate) = fitting else { continue };
         let most = best.as_ref().map_or(f64::INFINITY, |(_, error)| *error);
         let own = candidate.positions();
@@ -52,8 +53,9 @@ pub fn simplified(shape: &Shape) -> (Shape, f64) {
 pub fn simplified_within(
     shape: &Shape,
     is_held: impl Fn(&LatticePoint) -> bool,
+    room: Room,
 ) -> Option<(Shape, f64)> {
-    if shape.fits() {
+    if shape.fits(room) {
         return Some((shape.clone(), 0.0));
     }
     let held: Vec<bool> = shape.vertices.iter().map(|v| is_held(&v.0)).collect();
@@ -70,7 +72,7 @@ pub fn simplified_within(
                 simplify_with_locks(indices, vertices, &held, count, f32::MAX, options, None)
             })
         })
-        .find(Shape::fits)?;
+        .find(|shape| shape.fits(room))?;
     let (own, positions) = (fitting.positions(), shape.positions());
     let error = hausdorff(
         (&own, &fitting.triangles),

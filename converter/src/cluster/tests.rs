@@ -80,7 +80,7 @@ fn selection_takes_whole_components_and_leaves_the_rest_intact() {
     let mesh = joined(sheet(16), &cubes(7));
     let (mesh, _) = prepare(mesh).unwrap();
     let all = mesh.clone();
-    let selection = select::select(mesh, false);
+    let selection = select::select(mesh);
     assert_eq!(selection.components.len(), 7);
     assert!(
         selection
@@ -112,7 +112,7 @@ fn selection_takes_whole_components_and_leaves_the_rest_intact() {
 #[test]
 fn what_is_too_large_for_a_cluster_is_not_selected() {
     let (mesh, _) = prepare(sheet(16)).unwrap();
-    assert!(select::select(mesh, false).components.is_empty());
+    assert!(select::select(mesh).components.is_empty());
 }
 
 /// A square of `cells`² cells with every third cell in every third row left out.
@@ -139,7 +139,7 @@ fn small_sheets_cut_off_for_topology_are_selected() {
     mesh = joined(mesh, &raised);
     let (mesh, _) = prepare(mesh).unwrap();
     assert!(mesh.components().1 > 1);
-    let selection = select::select(mesh, false);
+    let selection = select::select(mesh);
     assert_eq!(selection.components.len(), 1);
     assert_eq!(selection.components[0].len(), 2 * 2 * 2);
     assert_eq!(selection.rest.triangles.len(), 2 * 24 * 24);
@@ -147,26 +147,23 @@ fn small_sheets_cut_off_for_topology_are_selected() {
 }
 
 #[test]
-fn ragged_components_are_selected_where_clusters_can_show_them() {
+fn ragged_components_are_selected() {
     let (mesh, _) = prepare(joined(holed(30), &cubes(2))).unwrap();
     let count = mesh.triangles.len();
-    let ragged = select::select(mesh.clone(), false);
+    let ragged = select::select(mesh);
     assert!(ragged.rest.triangles.is_empty());
     assert_eq!(ragged.components.len(), 3);
     assert_eq!(ragged.small.triangles.len(), count);
-    let textured = select::select(mesh, true);
-    assert_eq!(textured.components.len(), 2);
-    assert_eq!(textured.rest.triangles.len(), count - 24);
 }
 
 #[test]
 fn tree_keeps_its_bounds_at_every_node() {
     let (mesh, _) = prepare(cubes(400)).unwrap();
     let lattice = lattice(&mesh, 1e-3);
-    let selection = select::select(mesh, false);
+    let selection = select::select(mesh);
     assert!(selection.rest.triangles.is_empty());
     let mesh = selection.small;
-    let layer = build(&mesh, &selection.components, &lattice, true);
+    let layer = build(&mesh, &selection.components, &lattice, true, &[]);
     assert_eq!(layer.summary.components, 400);
     assert_eq!(layer.summary.triangles, 4800);
 
@@ -236,9 +233,9 @@ fn components_below_the_lattice_leave_something_to_see() {
     }
     let (mesh, _) = prepare(mesh).unwrap();
     let lattice = lattice(&mesh, 1e-2);
-    let selection = select::select(mesh, false);
+    let selection = select::select(mesh);
     assert_eq!(selection.components.len(), 1);
-    let layer = build(&selection.small, &selection.components, &lattice, true);
+    let layer = build(&selection.small, &selection.components, &lattice, true, &[]);
     assert!(!layer.root.mesh.triangles.is_empty());
     let unit = lattice.step * f64::from(1u32 << lattice.shift);
     assert!(layer.max_error > 0.0 && layer.max_error < 3.0 * unit);
@@ -248,13 +245,14 @@ fn components_below_the_lattice_leave_something_to_see() {
 fn the_same_for_any_number_of_threads() {
     let (mesh, _) = prepare(cubes(300)).unwrap();
     let lattice = lattice(&mesh, 1e-3);
-    let selection = select::select(mesh, false);
+    let selection = select::select(mesh);
     let built = |threads| {
         let pool = rayon::ThreadPoolBuilder::new()
             .num_threads(threads)
             .build()
             .unwrap();
-        let layer = pool.install(|| build(&selection.small, &selection.components, &lattice, true));
+        let layer =
+            pool.install(|| build(&selection.small, &selection.components, &lattice, true, &[]));
         format!("{:?}", layer.root)
     };
     assert_eq!(built(1), built(4));
@@ -290,14 +288,14 @@ fn no_cut_through_a_component_that_fits_no_leaf_opens_a_crack() {
     }
     let (mesh, _) = prepare(joined(bumpy, &cubes(3))).unwrap();
     let lattice = lattice(&mesh, 1e-3);
-    let mut selection = select::select(mesh, false);
+    let mut selection = select::select(mesh);
     assert_eq!(selection.components.len(), 3);
     assert!(selection.can_take_all());
     selection.take_all(usize::MAX);
     assert!(selection.rest.triangles.is_empty());
     assert_eq!(selection.components.len(), 4);
     let mesh = &selection.small;
-    let layer = build(mesh, &selection.components, &lattice, true);
+    let layer = build(mesh, &selection.components, &lattice, true, &[]);
     let all = (2 * CELLS * CELLS) as usize;
     assert_eq!(layer.summary.triangles, all + 36);
 

@@ -4,6 +4,7 @@
 //! on top of it, the largest of theirs: distances between sets add up, so it bounds the distance to the source, and it
 //! never grows on the way down.
 
+use super::Room;
 use super::leaf::upwards;
 use super::shape::Shape;
 use super::simplify::simplified;
@@ -14,7 +15,7 @@ use rayon::prelude::*;
 const FAN_OUT: usize = 4;
 
 /// The root over `nodes`, of which there is at least one.
-pub fn tree(nodes: Vec<ClusterInput>) -> ClusterInput {
+pub fn tree(nodes: Vec<ClusterInput>, room: Room) -> ClusterInput {
     let mut level = nodes;
     while level.len() > 1 {
         let groups = level.len().div_ceil(FAN_OUT);
@@ -26,14 +27,17 @@ pub fn tree(nodes: Vec<ClusterInput>) -> ClusterInput {
             let size = (group + 1) * count / groups - group * count / groups;
             sizes.push(rest.by_ref().take(size).collect::<Vec<_>>());
         }
-        level = sizes.into_par_iter().map(parent).collect();
+        level = sizes
+            .into_par_iter()
+            .map(|children| parent(children, room))
+            .collect();
     }
     level.pop().unwrap_or_default()
 }
 
 /// One node in place of `children`.
-pub(super) fn parent(children: Vec<ClusterInput>) -> ClusterInput {
-    let (coarser, error) = simplified(&joined(&children));
+pub(super) fn parent(children: Vec<ClusterInput>, room: Room) -> ClusterInput {
+    let (coarser, error) = simplified(&joined(&children), room);
     above(children, &coarser, error)
 }
 
@@ -54,6 +58,7 @@ pub(super) fn above(children: Vec<ClusterInput>, coarser: &Shape, error: f64) ->
     ClusterInput {
         mesh: coarser.cluster(colours),
         error: upwards(below + error),
+        texel: None,
         children,
     }
 }

@@ -66,7 +66,7 @@ impl Conversion<'_> {
         // Each handle gets two caps.
         let each = budget / (2 * handle_count(mesh).max(1)) as f64;
         let handles = handles::cut(mesh, reach.min(caps::reach(each)));
-        // Clusters show no textures.
+        // Charts show images better.
         if textures.has_images() {
             return Ok(Caps {
                 handles,

@@ -57,7 +57,7 @@ pub fn build(
     progress: &(dyn Fn(f64) + Sync),
 ) -> Result<ColourInput, TextureError> {
     let light = Light::new();
-    let sizes = image_sizes(&input)?;
+    let sizes = image_sizes(input.appearance)?;
     let faces: Vec<Vec<TexturedFace>> = input
         .patches
         .par_iter()
@@ -98,16 +98,18 @@ pub fn build(
 }
 
 /// Width and height of every image that a material uses.
-fn image_sizes(input: &Input<'_>) -> Result<Vec<Option<Vec2>>, ImageError> {
-    let count = u32::try_from(input.appearance.images.len()).unwrap_or(u32::MAX);
+///
+/// # Errors
+/// When the header of one is damaged.
+pub fn image_sizes(appearance: &Appearance) -> Result<Vec<Option<Vec2>>, ImageError> {
+    let count = u32::try_from(appearance.images.len()).unwrap_or(u32::MAX);
     let size = |image: u32| {
-        let used = input
-            .appearance
+        let used = appearance
             .materials
             .iter()
             .any(|material| material.image == Some(image));
         used.then(|| {
-            let (width, height) = Texels::dimensions(&input.appearance.images[image as usize])?;
+            let (width, height) = Texels::dimensions(&appearance.images[image as usize])?;
             Ok(Vec2::new(width as f32, height as f32))
         })
         .transpose()

@@ -8,6 +8,8 @@ use marquetry_format::writer::TileInput;
 
 /// Quality of the encoder, 0 to 100; with it the SSIM of tiles is that of a JPEG of quality 85.
 const QUALITY: f32 = 85.0;
+/// Most bytes of a frame: pages have at most 128 KiB, and that of a cluster holds its mesh, too.
+const MOST_BYTES: usize = 112 << 10;
 /// Bytes of the container before the frame: RIFF header and chunk header.
 const CONTAINER_BYTES: usize = 20;
 
@@ -21,7 +23,8 @@ pub struct EncodeError(String);
 /// # Errors
 /// When the encoder fails.
 pub fn tree(tile: RawTile, size: TexelSize) -> Result<TileInput, EncodeError> {
-    let bytes = frame(&tile.rgb, size)?;
+    let (width, height) = size.stored();
+    let bytes = frame(&tile.rgb, width, height)?;
     let mut children = [const { None }; 4];
     for (slot, child) in children.iter_mut().zip(tile.children) {
         *slot = child
@@ -31,11 +34,25 @@ pub fn tree(tile: RawTile, size: TexelSize) -> Result<TileInput, EncodeError> {
     Ok(TileInput { bytes, children })
 }
 
-fn frame(rgb: &[u8], size: TexelSize) -> Result<Vec<u8>, EncodeError> {
+/// Compresses `width` × `height` texels, row by row; less well where they do not fit a page.
+///
+/// # Errors
+/// When the encoder fails.
+pub fn frame(rgb: &[u8], width: u32, height: u32) -> Result<Vec<u8>, EncodeError> {
+    let mut quality = QUALITY;
+    loop {
+        let frame = compressed(rgb, width, height, quality)?;
+        if frame.len() <= MOST_BYTES || quality < 1.0 {
+            return Ok(frame);
+        }
+        quality *= 0.7;
+    }
+}
+
+fn compressed(rgb: &[u8], width: u32, height: u32, quality: f32) -> Result<Vec<u8>, EncodeError> {
     let failed = |cause: &str| EncodeError(cause.to_owned());
-    let (width, height) = size.stored();
     let mut config = webp::WebPConfig::new().map_err(|()| failed("libwebp has another version"))?;
-    config.quality = QUALITY;
+    config.quality = quality;
     config.method = 4;
     let file = webp::Encoder::from_rgb(rgb, width, height)
         .encode_advanced(&config)
@@ -65,7 +82,7 @@ mod tests {
         let (width, height) = size.stored();
         let byte = |k: u32| [k % width * 4, k / width * 8, 90].map(|c| u8::try_from(c).unwrap());
         let rgb: Vec<u8> = (0..width * height).flat_map(byte).collect();
-        let frame = frame(&rgb, size).unwrap();
+        let frame = frame(&rgb, width, height).unwrap();
         let texels = marquetry_format::colour::decode_vp8(size, &frame).unwrap();
         assert_eq!((texels.width, texels.height), (width, height));
         let worst = rgb.iter().zip(&texels.rgb).map(|(a, b)| a.abs_diff(*b));

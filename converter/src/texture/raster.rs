@@ -131,7 +131,6 @@ impl Canvas<'_> {
         // How the weights of b and c grow along the rows and columns of texels.
         let step_i = (DVec2::new(c.y - a.y, a.y - b.y) / area).as_vec2();
         let step_j = (DVec2::new(a.x - c.x, b.x - a.x) / area).as_vec2();
-        let samples = paint.samples(step_i, step_j);
         for j in j0..=j1 {
             for i in i0..=i1 {
                 let place = &mut out.light[j as usize * region.width as usize + i as usize];
@@ -147,37 +146,60 @@ impl Canvas<'_> {
                 }
                 #[expect(clippy::cast_possible_truncation, reason = "weights")]
                 let weights = Vec2::new(s as f32, t as f32);
-                let mut sum = Vec3::ZERO;
-                for k in 0..samples * samples {
-                    let n = samples as f32;
-                    let part = Vec2::new((k % samples) as f32, (k / samples) as f32);
-                    let offset = (part + 0.5) / n - 0.5;
-                    sum += paint.at(weights + step_i * offset.x + step_j * offset.y, light);
-                }
-                *place = sum / (samples * samples) as f32;
+                *place = paint.mean(weights, step_i, step_j, light);
             }
         }
     }
 
     fn paint(&self, corners: [u32; 3], face: &TexturedFace) -> Paint<'_> {
         let colours = corners.map(|v| self.patch.attributes[v as usize].colour);
-        let material = self.materials.get(face.material as usize);
-        let textured = material.and_then(|material| {
-            let texels = self.images.get(&material.image?)?;
-            let size = Vec2::new(texels.width as f32, texels.height as f32);
-            Some((material, texels.as_ref(), face.uv.map(|uv| uv * size)))
-        });
-        Paint { colours, textured }
+        Paint::new(colours, face, self.materials, &self.images)
     }
 }
 
 /// The colour over one triangle.
-struct Paint<'a> {
+#[derive(Debug)]
+pub(super) struct Paint<'a> {
     colours: [Vec3; 3],
     textured: Option<(&'a Material, &'a Texels, [Vec2; 3])>,
 }
 
-impl Paint<'_> {
+impl<'a> Paint<'a> {
+    /// The image on `face`, if it is among `images`, else the `colours` of its corners, linear light.
+    pub(super) fn new(
+        colours: [Vec3; 3],
+        face: &TexturedFace,
+        materials: &'a [Material],
+        images: &'a BTreeMap<u32, Arc<Texels>>,
+    ) -> Self {
+        let material = materials.get(face.material as usize);
+        let textured = material.and_then(|material| {
+            let texels = images.get(&material.image?)?;
+            let size = Vec2::new(texels.width as f32, texels.height as f32);
+            Some((material, texels.as_ref(), face.uv.map(|uv| uv * size)))
+        });
+        Self { colours, textured }
+    }
+
+    /// Texels of the image that the triangle covers; `None` without an image.
+    pub(super) fn texels(&self) -> Option<f32> {
+        let (_, _, [p, q, r]) = &self.textured?;
+        Some(0.5 * (*q - *p).perp_dot(*r - *p).abs())
+    }
+
+    /// The mean over a texel that moves the weights by `step_i` and `step_j`.
+    pub(super) fn mean(&self, weights: Vec2, step_i: Vec2, step_j: Vec2, light: &Light) -> Vec3 {
+        let samples = self.samples(step_i, step_j);
+        let mut sum = Vec3::ZERO;
+        for k in 0..samples * samples {
+            let n = samples as f32;
+            let part = Vec2::new((k % samples) as f32, (k / samples) as f32);
+            let offset = (part + 0.5) / n - 0.5;
+            sum += self.at(weights + step_i * offset.x + step_j * offset.y, light);
+        }
+        sum / (samples * samples) as f32
+    }
+
     /// The colour at the weights of the second and third corner, kept inside the triangle.
     fn at(&self, weights: Vec2, light: &Light) -> Vec3 {
         let weights = weights.max(Vec2::ZERO);

@@ -1,4 +1,4 @@
-//! Where on the source's images the triangles of a chart lie.
+//! Where on the source's images the triangles of a chart or a cluster lie.
 //!
 //! A triangle of a patch is a piece of a source triangle, so one look-up by its centre serves all its texels: the source triangle
 //! nearest to it, and the corners' texture coordinates by its plane. Nothing has to be carried through welding, cutting
@@ -46,9 +46,18 @@ impl SourceMesh {
 
     /// What covers every triangle of `patch`.
     pub fn faces_of(&self, patch: &Patch, appearance: &Appearance) -> Vec<TexturedFace> {
-        let face = |corners: &[u32; 3]| {
-            let corners = corners.map(|v| patch.positions[v as usize]);
-            let centre = (corners[0] + corners[1] + corners[2]) / 3.0;
+        let corners = |t: &[u32; 3]| t.map(|v| patch.positions[v as usize]);
+        patch
+            .triangles
+            .iter()
+            .map(|t| self.face(corners(t), appearance))
+            .collect()
+    }
+
+    /// What covers a triangle that is a piece of a source triangle.
+    pub fn face(&self, corners: [DVec3; 3], appearance: &Appearance) -> TexturedFace {
+        let centre = (corners[0] + corners[1] + corners[2]) / 3.0;
+        let face = || {
             let found = self.bvh.closest(centre, f64::INFINITY)?;
             let number = *self.numbers.get(found.triangle as usize)? as usize;
             let source = appearance.faces.get(number)?;
@@ -61,11 +70,7 @@ impl SourceMesh {
                 uv: corners.map(|p| carried(own, source.uv, p)),
             })
         };
-        patch
-            .triangles
-            .iter()
-            .map(|corners| face(corners).unwrap_or(TexturedFace::PLAIN))
-            .collect()
+        face().unwrap_or(TexturedFace::PLAIN)
     }
 }
 

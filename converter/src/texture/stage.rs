@@ -1,7 +1,9 @@
 //! What a conversion does about textures: what it takes from the import, and what it gives to the file and the report.
 
 use super::appearance::Appearance;
+use super::appearance::TexturedFace;
 use super::build::{self, Input, TextureError};
+use super::cluster::{self, Canvas};
 use super::coarse;
 use super::images::{ImageError, ImageStore};
 use super::light::Light;
@@ -9,8 +11,10 @@ use super::source::SourceMesh;
 use crate::atlas::patch::Patch;
 use crate::mesh::ImportedMesh;
 use crate::parameterize::Parametrization;
-use marquetry_format::Glue;
-use marquetry_format::writer::ColourInput;
+use glam::DVec3;
+use marquetry_format::writer::{ClusterInput, ColourInput};
+use marquetry_format::{Glue, Lattice};
+use rayon::prelude::*;
 
 /// Share of the working memory that decoded images may take.
 const IMAGE_SHARE: u64 = 4;
@@ -24,6 +28,24 @@ pub struct Textures {
     image_budget_bytes: u64,
 }
 
+/// What is on which triangle.
+#[derive(Debug, Clone, Copy)]
+pub struct Painter<'a> {
+    /// The imported triangles.
+    pub source: &'a SourceMesh,
+    /// What covers them.
+    pub appearance: &'a Appearance,
+    /// Their images.
+    pub images: &'a ImageStore<'a>,
+}
+
+impl Painter<'_> {
+    /// What covers a triangle that is a piece of a source triangle.
+    pub fn face(&self, corners: [DVec3; 3]) -> TexturedFace {
+        self.source.face(corners, self.appearance)
+    }
+}
+
 /// Textures, in the report of a conversion.
 #[derive(Debug, Clone, Default, serde::Serialize)]
 pub struct TextureReport {
@@ -35,6 +57,10 @@ pub struct TextureReport {
     pub tiles: u32,
     /// Their bytes, index included.
     pub bytes: u64,
+    /// Clusters with a texture.
+    pub clusters: usize,
+    /// Bytes of these textures.
+    pub cluster_bytes: u64,
     /// Normal maps, which are left out.
     pub normal_maps: usize,
     /// What could not be used, in words.
@@ -96,6 +122,58 @@ impl Textures {
         };
         let tiles = build::build(input, progress)?;
         Ok(tiles.iter().any(Option::is_some).then_some(tiles))
+    }
+
+    /// Texels of the source's images on each of some triangles; empty where nothing is textured.
+    ///
+    /// # Errors
+    /// When the header of an image is damaged.
+    pub fn texels_of(
+        &self,
+        positions: &[DVec3],
+        triangles: &[[u32; 3]],
+    ) -> Result<Vec<f32>, ImageError> {
+        let Some(source) = &self.source else {
+            return Ok(Vec::new());
+        };
+        let sizes = build::image_sizes(&self.appearance)?;
+        let texels = |t: &[u32; 3]| {
+            let face = source.face(t.map(|v| positions[v as usize]), &self.appearance);
+            let image = self.appearance.image_of(&face)?;
+            let size = (*sizes.get(image as usize)?)?;
+            let [a, b, c] = face.uv.map(|uv| uv * size);
+            Some(0.5 * (b - a).perp_dot(c - a).abs())
+        };
+        Ok(triangles
+            .par_iter()
+            .map(|t| texels(t).unwrap_or(0.0))
+            .collect())
+    }
+
+    /// Gives every cluster below `root` its texture; nothing where nothing is textured.
+    ///
+    /// # Errors
+    /// When an image is damaged.
+    pub fn paint(
+        &self,
+        root: &mut ClusterInput,
+        lattice: &Lattice,
+        progress: &(dyn Fn(f64) + Sync),
+    ) -> Result<(), TextureError> {
+        let Some(source) = &self.source else {
+            return Ok(());
+        };
+        let painter = Painter {
+            source,
+            appearance: &self.appearance,
+            images: &self.images(),
+        };
+        let canvas = Canvas {
+            painter: &painter,
+            lattice: *lattice,
+            progress,
+        };
+        cluster::paint(root, &canvas)
     }
 
     /// Whether there are tiles to make.

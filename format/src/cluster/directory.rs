@@ -15,9 +15,16 @@ use crate::{Bounds, Error, LatticePoint, Limits};
 const WHAT: &str = "clusters";
 /// Bytes before the checksums.
 pub(crate) const HEAD_BYTES: usize = 36;
-/// Bytes of the facts of one node.
-/// Without the upper bytes of the numbers of children.
+/// Bytes of the facts of one node that every file has.
 const FACT_BYTES: usize = 21;
+/// Set where the upper bytes of the numbers of children follow these.
+const MORE_CHILDREN: u8 = 1;
+/// Set where the lengths of texels follow.
+const TEXELS: u8 = 2;
+/// Codes of a length of texels to a factor of two.
+const TEXEL_STEPS: f32 = 8.0;
+/// log2 of the length, in lattice units, that the first code stands for.
+const LEAST_TEXEL: f32 = -6.0;
 
 /// The stored facts of one node, beside its checksum.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -31,6 +38,26 @@ pub(crate) struct Facts {
     pub(crate) triangles: u8,
     pub(crate) error: u16,
     pub(crate) bounds: BoundsCode,
+    /// As [`texel_code`] makes it; 0 without a texture.
+    pub(crate) texel: u8,
+}
+
+/// The code of the least length of texels that is not below `texel`, lattice units.
+#[cfg(not(target_arch = "wasm32"))]
+pub(crate) fn texel_code(texel: f32) -> u8 {
+    let steps = ((texel.log2() - LEAST_TEXEL) * TEXEL_STEPS).ceil();
+    #[expect(
+        clippy::cast_possible_truncation,
+        clippy::cast_sign_loss,
+        reason = "clamped; NaN becomes 0"
+    )]
+    let code = (steps + 1.0).clamp(1.0, 255.0) as u8;
+    code.max(1)
+}
+
+fn texel_from_code(code: u8) -> Option<f32> {
+    let steps = code.checked_sub(1)?;
+    Some((f32::from(steps) / TEXEL_STEPS + LEAST_TEXEL).exp2())
 }
 
 /// The parts of `section` that the content id covers: everything but the checksums, which depend on it.
@@ -65,14 +92,15 @@ pub(crate) fn decode(
     let method = Method::from_code(WHAT, cursor.u8()?)?;
     let more_planes = cursor.u8()?;
     let reserved = [cursor.u8()?, cursor.u8()?];
-    if more_planes > 1 || reserved != [0; 2] {
+    if more_planes & !(MORE_CHILDREN | TEXELS) != 0 || reserved != [0; 2] {
         let [b, c] = reserved;
         return Err(Error::Reserved {
             what: WHAT,
             value: u64::from(u32::from_le_bytes([more_planes, b, c, 0])),
         });
     }
-    let fact_bytes = FACT_BYTES.saturating_add(usize::from(more_planes));
+    let planes = usize::try_from(more_planes.count_ones()).unwrap_or_default();
+    let fact_bytes = FACT_BYTES.saturating_add(planes);
     if count == 0 {
         return Err(Error::Value {
             what: "number of clusters",
@@ -91,7 +119,7 @@ pub(crate) fn decode(
     let packed = cursor.take(usize::try_from(packed_length).unwrap_or(usize::MAX))?;
     let root_bytes = cursor.rest();
     let data = packing::unpack(WHAT, method, packed, count.saturating_mul(fact_bytes))?;
-    let facts = read_facts(&data, count)?;
+    let facts = read_facts(&data, count, more_planes)?;
 
     let mut nodes = tree(&facts, checksums)?;
     let root_start = own.range.end.saturating_sub(root_bytes.len() as u64);
@@ -162,6 +190,12 @@ pub(crate) fn decode_node(
         triangles: usize::from(node.triangles),
     };
     let mesh = mesh::decode(coding, counts, bytes)?;
+    if mesh.texture.is_some() != node.texel.is_some() {
+        return Err(Error::Value {
+            what: "texture of a cluster",
+            found: u64::from(mesh.texture.is_some()),
+        });
+    }
     match mesh
         .positions
         .iter()
@@ -220,15 +254,22 @@ fn holds(bounds: &Bounds, point: &LatticePoint) -> bool {
         .all(|((min, max), c)| min <= c && c <= max)
 }
 
-fn read_facts(data: &[u8], count: usize) -> Result<Vec<Facts>, Error> {
+fn read_facts(data: &[u8], count: usize, more_planes: u8) -> Result<Vec<Facts>, Error> {
     let at = |plane: usize, node: usize| {
         let index = plane.saturating_mul(count).saturating_add(node);
         data.get(index).copied().unwrap_or_default()
     };
+    let has_more_children = more_planes & MORE_CHILDREN != 0;
+    let texel_plane = FACT_BYTES.saturating_add(usize::from(has_more_children));
     let mut facts = Vec::with_capacity(count);
     let mut error = 0u16;
     let mut near = [0u32; 3];
     for node in 0..count {
+        let more_children = if has_more_children {
+            at(FACT_BYTES, node)
+        } else {
+            0
+        };
         let code = u16::from_le_bytes([at(6, node), at(7, node)]);
         let difference = (code >> 1) ^ (code & 1).wrapping_neg();
         error = error.wrapping_add(difference);
@@ -261,12 +302,17 @@ fn read_facts(data: &[u8], count: usize) -> Result<Vec<Facts>, Error> {
             }
         };
         facts.push(Facts {
-            children: u16::from_le_bytes([at(0, node), at(21, node)]),
+            children: u16::from_le_bytes([at(0, node), more_children]),
             length: u32::from_le_bytes([at(1, node), at(2, node), at(3, node), 0]),
             vertices: at(4, node),
             triangles: at(5, node),
             error,
             bounds,
+            texel: if more_planes & TEXELS != 0 {
+                at(texel_plane, node)
+            } else {
+                0
+            },
         });
     }
     Ok(facts)
@@ -302,6 +348,7 @@ fn tree(facts: &[Facts], checksums: &[u8]) -> Result<Vec<ClusterNode>, Error> {
             vertices: u16::from(facts.vertices).saturating_add(1),
             triangles: u16::from(facts.triangles).saturating_add(1),
             error: error_from_code(facts.error),
+            texel: texel_from_code(facts.texel),
             bounds: facts.bounds.bounds().ok_or(Error::Value {
                 what: "bounds of a cluster",
                 found: u64::from(index),
@@ -364,7 +411,7 @@ pub(crate) fn encode(
     part_bytes: [u64; 3],
 ) -> Result<[Vec<u8>; 2], Error> {
     use crate::codec::payload::zigzag;
-    let mut planes: [Vec<u8>; FACT_BYTES + 1] = Default::default();
+    let mut planes: [Vec<u8>; FACT_BYTES + 2] = Default::default();
     let mut error = 0u16;
     let mut near = [0u32; 3];
     for facts in facts {
@@ -404,18 +451,25 @@ pub(crate) fn encode(
             sy,
             sz,
             more_children,
+            facts.texel,
         ];
         for (plane, byte) in planes.iter_mut().zip(bytes) {
             plane.push(byte);
         }
     }
-    let [.., more_children] = &planes;
-    let more_planes = usize::from(more_children.iter().any(|&byte| byte > 0));
-    let (method, packed) = packing::pack(&planes[..FACT_BYTES + more_planes].concat())?;
+    let mut flags = 0;
+    let mut stored = planes[..FACT_BYTES].concat();
+    for (plane, flag) in planes[FACT_BYTES..].iter().zip([MORE_CHILDREN, TEXELS]) {
+        if plane.iter().any(|&byte| byte > 0) {
+            flags |= flag;
+            stored.extend(plane);
+        }
+    }
+    let (method, packed) = packing::pack(&stored)?;
     let mut head = (facts.len() as u32).to_le_bytes().to_vec();
     head.extend((packed.len() as u32).to_le_bytes());
     head.extend(part_bytes.iter().flat_map(|part| part.to_le_bytes()));
-    head.extend([method as u8, more_planes as u8, 0, 0]);
+    head.extend([method as u8, flags, 0, 0]);
     debug_assert_eq!(head.len(), HEAD_BYTES);
     Ok([head, [&packed, root].concat()])
 }

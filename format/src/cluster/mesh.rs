@@ -2,9 +2,10 @@
 //!
 //! Vertices come in the order in which the triangles use them first, so an index is coded by how far it is behind the
 //! number that the next new vertex gets: mostly small, and 0 for a new vertex. Positions, normals and colours are stored
-//! against those of the corner before, which shares a triangle with them.
+//! against those of the corner before, which shares a triangle with them; so are places on a texture, whose key frame comes
+//! last.
 
-use super::ClusterMesh;
+use super::{ClusterMesh, ClusterTexture};
 #[cfg(not(target_arch = "wasm32"))]
 use super::{MAX_CLUSTER_TRIANGLES, MAX_CLUSTER_VERTICES};
 use crate::Error;
@@ -18,8 +19,10 @@ use crate::codec::sample::{Colour, Normal, Position, Sample};
 use crate::lattice::LATTICE_BITS;
 
 const WHAT: &str = "cluster";
-/// Second byte: planes of the positions less one.
-const CODING_RESERVED: u8 = 0b1111_1100;
+/// Second byte: planes of the positions less one, whether there is a texture, how its places are packed.
+const CODING_RESERVED: u8 = 0b1110_0000;
+const CODING_TEXTURED: u8 = 0b0000_0100;
+const PLACES_METHOD_SHIFT: u32 = 3;
 
 /// How many vertices and triangles a mesh has; bounded by their types in the directory.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -32,6 +35,8 @@ struct Streams<'a> {
     methods: [Method; 4],
     planes: usize,
     bodies: [&'a [u8]; 4],
+    /// How places are packed, these, and the frame.
+    texture: Option<(Method, &'a [u8], &'a [u8])>,
 }
 
 impl<'a> Streams<'a> {
@@ -63,20 +68,40 @@ impl<'a> Streams<'a> {
         let mut length = || -> Result<usize, Error> {
             Ok(usize::try_from(cursor.leb128()?).unwrap_or(usize::MAX))
         };
-        let lengths = [length()?, length()?, length()?];
+        let [triangles, positions, normals] = [length()?, length()?, length()?];
+        let is_textured = coding & CODING_TEXTURED != 0;
+        let texture_lengths = if is_textured {
+            Some([length()?, length()?])
+        } else {
+            None
+        };
+        let places_method = Method::from_code(WHAT, coding >> PLACES_METHOD_SHIFT & 3)?;
+        if !is_textured && places_method != Method::Zero {
+            return Err(Error::Value {
+                what: WHAT,
+                found: places_method as u64,
+            });
+        }
         let rest = cursor.rest();
         let mut cursor = Cursor::new(WHAT, rest);
-        let [triangles, positions, normals] = lengths;
-        let bodies = [
+        let first = [
             cursor.take(triangles)?,
             cursor.take(positions)?,
             cursor.take(normals)?,
-            cursor.rest(),
         ];
+        let (colours, texture) = match texture_lengths {
+            None => (cursor.rest(), None),
+            Some([colours, places]) => (
+                cursor.take(colours)?,
+                Some((places_method, cursor.take(places)?, cursor.rest())),
+            ),
+        };
+        let [triangles, positions, normals] = first;
         Ok(Self {
             methods,
             planes,
-            bodies,
+            bodies: [triangles, positions, normals, colours],
+            texture,
         })
     }
 }
@@ -105,6 +130,13 @@ pub(crate) fn decode(coding: Coding, counts: Counts, bytes: &[u8]) -> Result<Clu
     let normals = stream(2, vertices.saturating_mul(2))?;
     let colours = if coding.has_colours { vertices } else { 0 };
     let colours = stream(3, colours.saturating_mul(3))?;
+    let mut texture = match streams.texture {
+        None => None,
+        Some((method, places, frame)) => {
+            let places = packing::unpack(WHAT, method, places, vertices.saturating_mul(2))?;
+            Some((places, Vec::with_capacity(vertices), frame))
+        }
+    };
 
     let mut mesh = ClusterMesh::default();
     let limit = 1i32 << LATTICE_BITS.saturating_sub(u32::from(coding.shift));
@@ -160,10 +192,28 @@ pub(crate) fn decode(coding: Coding, counts: Counts, bytes: &[u8]) -> Result<Clu
                 let Colour(colour) = Colour::restore(near, residual).ok_or_else(outside)?;
                 mesh.colours.push(colour);
             }
+            if let Some((codes, places, _)) = &mut texture {
+                let near = before
+                    .and_then(|near| places.get(near))
+                    .copied()
+                    .unwrap_or([0u8; 2]);
+                let code = |component: usize| {
+                    let index = component.saturating_mul(vertices).saturating_add(vertex);
+                    codes.get(index).copied().unwrap_or_default()
+                };
+                let [i, j] = near;
+                places.push([i.wrapping_add(code(0)), j.wrapping_add(code(1))]);
+            }
         }
         before = Some(vertex);
     }
     mesh.triangles = triangles;
+    if let Some((_, places, frame)) = texture {
+        let frame = frame.to_vec();
+        let texture = ClusterTexture { places, frame };
+        texture.check()?;
+        mesh.texture = Some(texture);
+    }
     Ok(mesh)
 }
 
@@ -211,7 +261,13 @@ fn read_triangles(codes: &[u8], count: usize, vertices: usize) -> Result<Vec<[u8
 #[cfg(not(target_arch = "wasm32"))]
 pub(crate) fn in_order(mesh: &ClusterMesh) -> Option<ClusterMesh> {
     let mut numbers: [Option<u8>; MAX_CLUSTER_VERTICES] = [None; MAX_CLUSTER_VERTICES];
-    let mut ordered = ClusterMesh::default();
+    let mut ordered = ClusterMesh {
+        texture: mesh.texture.as_ref().map(|texture| ClusterTexture {
+            places: Vec::new(),
+            frame: texture.frame.clone(),
+        }),
+        ..ClusterMesh::default()
+    };
     for triangle in &mesh.triangles {
         let mut corners = [0u8; 3];
         for (corner, &vertex) in corners.iter_mut().zip(triangle) {
@@ -230,6 +286,9 @@ pub(crate) fn in_order(mesh: &ClusterMesh) -> Option<ClusterMesh> {
                     ordered
                         .colours
                         .push(*mesh.colours.get(usize::from(vertex))?);
+                }
+                if let (Some(to), Some(from)) = (&mut ordered.texture, &mesh.texture) {
+                    to.places.push(*from.places.get(usize::from(vertex))?);
                 }
                 *slot.insert(number)
             };
@@ -253,6 +312,7 @@ pub(crate) fn encode(coding: Coding, mesh: &ClusterMesh) -> Result<(Vec<u8>, Par
     debug_assert!(mesh.triangles.len() <= MAX_CLUSTER_TRIANGLES);
     let (mut codes, mut positions, mut normals, mut colours) =
         (Vec::new(), Vec::new(), Vec::new(), Vec::new());
+    let mut places: Vec<[u8; 2]> = Vec::new();
     let mut before: Option<usize> = None;
     for &corner in mesh.triangles.as_flattened() {
         let vertex = usize::from(corner);
@@ -267,6 +327,11 @@ pub(crate) fn encode(coding: Coding, mesh: &ClusterMesh) -> Result<(Vec<u8>, Par
             if coding.has_colours {
                 let near = before.map_or(Colour::default(), |v| Colour(mesh.colours[v]));
                 colours.push(Colour(mesh.colours[vertex]).residual(near));
+            }
+            if let Some(texture) = &mesh.texture {
+                let [i, j] = texture.places[vertex];
+                let [near_i, near_j] = before.map_or([0; 2], |near| texture.places[near]);
+                places.push([i.wrapping_sub(near_i), j.wrapping_sub(near_j)]);
             }
         }
         before = Some(vertex);
@@ -301,17 +366,30 @@ pub(crate) fn encode(coding: Coding, mesh: &ClusterMesh) -> Result<(Vec<u8>, Par
         methods |= (method as u8) << (2 * index);
         *body = packed;
     }
-    let mut out = vec![methods, planes - 1];
-    for body in &bodies[..3] {
-        crate::bytes::push_leb128(&mut out, u32::try_from(body.len()).unwrap_or(u32::MAX));
+    let mut coding = planes - 1;
+    let mut texture = [Vec::new(), Vec::new()];
+    if let Some(ClusterTexture { frame, .. }) = &mesh.texture {
+        let [columns, rows] = [0, 1].map(|k: usize| places.iter().map(move |place| place[k]));
+        let (method, packed) = packing::pack(&columns.chain(rows).collect::<Vec<u8>>())?;
+        coding |= CODING_TEXTURED | (method as u8) << PLACES_METHOD_SHIFT;
+        texture = [packed, frame.clone()];
+    }
+    let mut out = vec![methods, coding];
+    let mut lengths: Vec<usize> = bodies[..3].iter().map(Vec::len).collect();
+    if mesh.texture.is_some() {
+        lengths.extend([bodies[3].len(), texture[0].len()]);
+    }
+    for length in lengths {
+        crate::bytes::push_leb128(&mut out, u32::try_from(length).unwrap_or(u32::MAX));
     }
     let [triangles, positions, normals, colours] = bodies;
+    let [places, frame] = texture;
     let parts = PartBytes {
         geometry: (out.len() + triangles.len() + positions.len()) as u64,
         normals: normals.len() as u64,
-        colours: colours.len() as u64,
+        colours: (colours.len() + places.len() + frame.len()) as u64,
     };
-    for body in [triangles, positions, normals, colours] {
+    for body in [triangles, positions, normals, colours, places, frame] {
         out.extend(body);
     }
     Ok((out, parts))
@@ -322,7 +400,10 @@ mod tests {
     use super::*;
     use proptest::prelude::*;
 
-    fn mesh(has_colours: bool) -> impl Strategy<Value = ClusterMesh> {
+    /// The first bytes of a key frame of 256 × 64 texels, which is all that a mesh looks at.
+    const FRAME: [u8; 11] = [0, 0, 0, 0x9d, 0x01, 0x2a, 0, 1, 64, 0, 7];
+
+    fn mesh(has_colours: bool, is_textured: bool) -> impl Strategy<Value = ClusterMesh> {
         let triangle = [any::<u8>(), any::<u8>(), any::<u8>()];
         (
             prop::collection::vec([0..1u32 << 11, 0..1u32 << 11, 0..1u32 << 11], 256),
@@ -345,6 +426,10 @@ mod tests {
                             Vec::new()
                         },
                         triangles,
+                        texture: is_textured.then(|| ClusterTexture {
+                            places: shades.iter().map(|([a, b], _)| [*a, b % 64]).collect(),
+                            frame: FRAME.to_vec(),
+                        }),
                     };
                     (!mesh.triangles.is_empty())
                         .then(|| in_order(&mesh))
@@ -355,12 +440,27 @@ mod tests {
 
     proptest! {
         #[test]
-        fn meshes_survive((mesh, has_colours) in any::<bool>().prop_flat_map(|has| (mesh(has), Just(has)))) {
+        fn meshes_survive(
+            (mesh, has_colours) in any::<[bool; 2]>().prop_flat_map(|[has, is_textured]| (mesh(has, is_textured), Just(has)))
+        ) {
             let coding = Coding { shift: 10, has_colours };
             let (bytes, parts) = encode(coding, &mesh).unwrap();
             prop_assert_eq!(parts.geometry + parts.normals + parts.colours, bytes.len() as u64);
             let counts = Counts { vertices: mesh.positions.len(), triangles: mesh.triangles.len() };
             prop_assert_eq!(decode(coding, counts, &bytes).unwrap(), mesh);
+        }
+
+        #[test]
+        fn places_beside_the_texture_are_refused(mesh in mesh(false, true), vertex in any::<prop::sample::Index>()) {
+            let mut mesh = mesh;
+            if let Some(texture) = &mut mesh.texture {
+                let at = vertex.index(texture.places.len());
+                texture.places[at][1] = 64;
+            }
+            let coding = Coding { shift: 10, has_colours: false };
+            let (bytes, _) = encode(coding, &mesh).unwrap();
+            let counts = Counts { vertices: mesh.positions.len(), triangles: mesh.triangles.len() };
+            prop_assert!(decode(coding, counts, &bytes).is_err());
         }
 
         #[test]

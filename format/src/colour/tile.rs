@@ -24,7 +24,20 @@ pub struct TileTexels {
 /// When the bytes are no key frame of exactly that size.
 pub fn decode_vp8(size: TexelSize, bytes: &[u8]) -> Result<TileTexels, Error> {
     let (width, height) = size.stored();
-    check_frame(width, height, bytes)?;
+    decode_frame([width, height], bytes)
+}
+
+/// Decodes a key frame of exactly `width` × `height` texels.
+pub(crate) fn decode_frame([width, height]: [u32; 2], bytes: &[u8]) -> Result<TileTexels, Error> {
+    for (expected, found) in [width, height].into_iter().zip(frame_size(bytes)?) {
+        if expected != found {
+            return Err(Error::Mismatch {
+                what: "size of a tile",
+                expected: u64::from(expected),
+                found: u64::from(found),
+            });
+        }
+    }
     let refuse = |error: image_webp::DecodingError| Error::Compression {
         what: WHAT,
         reason: error.to_string(),
@@ -47,29 +60,20 @@ pub fn decode_vp8(size: TexelSize, bytes: &[u8]) -> Result<TileTexels, Error> {
     Ok(TileTexels { width, height, rgb })
 }
 
-/// Refuses what is no key frame of that size before a decoder sees it, so that nothing large is allocated.
-fn check_frame(width: u32, height: u32, bytes: &[u8]) -> Result<(), Error> {
+/// Width and height of a key frame, so that what is too large is refused before a decoder sees it.
+pub(crate) fn frame_size(bytes: &[u8]) -> Result<[u32; 2], Error> {
     let mut cursor = crate::bytes::Cursor::new(WHAT, bytes);
     let tag = cursor.take(3)?;
     let code = cursor.take(3)?;
-    let (stored_width, stored_height) = (cursor.u16()?, cursor.u16()?);
+    // The two high bits ask a player to scale the picture: no size has them.
+    let size = [u32::from(cursor.u16()?), u32::from(cursor.u16()?)];
     if tag.first().is_none_or(|&byte| byte & 1 != 0) || code != [0x9d, 0x01, 0x2a] {
         return Err(Error::Compression {
             what: WHAT,
             reason: "it is no VP8 key frame".to_owned(),
         });
     }
-    // The two high bits ask a player to scale the picture.
-    for (expected, found) in [(width, stored_width), (height, stored_height)] {
-        if u32::from(found) != expected {
-            return Err(Error::Mismatch {
-                what: "size of a tile",
-                expected: u64::from(expected),
-                found: u64::from(found),
-            });
-        }
-    }
-    Ok(())
+    Ok(size)
 }
 
 /// The frame as a file in the simple format, which is what decoders take.

@@ -13,6 +13,7 @@ pub(super) fn check(document: &Document, source: &dyn ByteSource, report: &mut R
         return;
     };
     let mut meshes = Tally::default();
+    let mut textures = Tally::default();
     let mut errors = Tally::default();
     let mut bounds = Tally::default();
     for (id, node) in (0u32..).map(ClusterId).zip(&clusters.nodes) {
@@ -20,6 +21,12 @@ pub(super) fn check(document: &Document, source: &dyn ByteSource, report: &mut R
             .read(node.range.clone())
             .map_err(Error::from)
             .and_then(|bytes| document.decode_cluster(id, &bytes));
+        if let Some(texture) = decoded.as_ref().ok().and_then(|mesh| mesh.texture.as_ref()) {
+            let texels = texture.decode();
+            textures.check(texels.is_ok(), || {
+                format!("cluster {}: {}", id.0, in_words(texels))
+            });
+        }
         meshes.check(decoded.is_ok(), || {
             format!("cluster {}: {}", id.0, in_words(decoded))
         });
@@ -39,6 +46,9 @@ pub(super) fn check(document: &Document, source: &dyn ByteSource, report: &mut R
         });
     }
     report.add("cluster checksums, decoding and bounds", meshes);
+    if textures.count > 0 {
+        report.add("cluster textures decode", textures);
+    }
     report.add("cluster errors monotone up the tree", errors);
     report.add("cluster bounds within their parents'", bounds);
 }

@@ -8,7 +8,7 @@
 )]
 
 use super::{ClusterInput, coded};
-use crate::cluster::directory::{self, Facts};
+use crate::cluster::directory::{self, Facts, texel_code};
 use crate::cluster::mesh::{encode, in_order};
 use crate::cluster::{
     ClusterMesh, MAX_CLUSTER_CHILDREN, MAX_CLUSTER_LEVELS, MAX_CLUSTER_TRIANGLES,
@@ -40,7 +40,7 @@ impl ClusterLayer {
         let nodes = in_levels(root)?;
         let bounds = bounds_of(&nodes);
         let coded_meshes = map_ordered(&nodes, |node| -> Result<_, Error> {
-            let mesh = checked(&node.input.mesh, coding)?;
+            let mesh = checked(node.input, coding)?;
             let (bytes, parts) = encode(coding, &mesh)?;
             Ok((mesh.positions.len(), bytes, parts))
         });
@@ -71,6 +71,7 @@ impl ClusterLayer {
                 triangles: (input.mesh.triangles.len() - 1) as u8,
                 error,
                 bounds: BoundsCode::new(&bounds[index]),
+                texel: input.texel.map_or(0, texel_code),
             });
             meshes.push(bytes);
         }
@@ -153,7 +154,8 @@ fn in_levels(root: &ClusterInput) -> Result<Vec<Node<'_>>, Error> {
 }
 
 /// The mesh in the order in which it is coded.
-fn checked(mesh: &ClusterMesh, coding: Coding) -> Result<ClusterMesh, Error> {
+fn checked(input: &ClusterInput, coding: Coding) -> Result<ClusterMesh, Error> {
+    let mesh = &input.mesh;
     let count = mesh.positions.len();
     let colours = if coding.has_colours { count } else { 0 };
     let sizes = [mesh.normals.len(), mesh.colours.len()];
@@ -169,6 +171,23 @@ fn checked(mesh: &ClusterMesh, coding: Coding) -> Result<ClusterMesh, Error> {
                 mesh.triangles.len()
             ),
         );
+    }
+    if input.texel.is_some() != mesh.texture.is_some()
+        || input.texel.is_some_and(|t| t.is_nan() || t <= 0.0)
+    {
+        return refuse(
+            "a textured cluster has texels of some length",
+            format!("{:?}", input.texel),
+        );
+    }
+    if let Some(texture) = &mesh.texture {
+        if texture.places.len() != count {
+            return refuse(
+                "every vertex of a textured cluster has a place",
+                format!("{count} vertices, {} places", texture.places.len()),
+            );
+        }
+        texture.check()?;
     }
     let mask = (1u32 << coding.shift) - 1;
     let outside = |p: &&[u32; 3]| p.iter().any(|&c| c >> LATTICE_BITS != 0 || c & mask != 0);

@@ -167,12 +167,12 @@ fn tree() -> Vec<Case> {
                 }
             )
         }),
-        ("clusters_planes_2", with_tree(|t| t[33] = 2), |e| {
+        ("clusters_planes_4", with_tree(|t| t[33] = 4), |e| {
             matches!(
                 e,
                 Error::Reserved {
                     what: "clusters",
-                    value: 2
+                    value: 4
                 }
             )
         }),
@@ -331,7 +331,7 @@ fn root() -> Vec<Case> {
                 )
             },
         ),
-        ("cluster_reserved_bits", with_root(|r| r[1] |= 4), |e| {
+        ("cluster_reserved_bits", with_root(|r| r[1] |= 32), |e| {
             matches!(
                 e,
                 Error::Reserved {
@@ -340,6 +340,40 @@ fn root() -> Vec<Case> {
                 }
             )
         }),
+        (
+            "cluster_places_without_texture",
+            with_root(|r| r[1] |= 8),
+            |e| {
+                matches!(
+                    e,
+                    Error::Value {
+                        what: "cluster",
+                        ..
+                    }
+                )
+            },
+        ),
+        (
+            "cluster_texture_unannounced",
+            with_root(|r| {
+                let before: usize = r[2..5].iter().map(|&length| usize::from(length)).sum();
+                let colours = r.len() - 5 - before;
+                assert!(colours < 128);
+                r[1] |= 4;
+                // The places are all (0, 0), which takes no bytes.
+                r.splice(5..5, [colours as u8, 0]);
+                r.extend(include_bytes!("../data/texture_16x24.vp8"));
+            }),
+            |e| {
+                matches!(
+                    e,
+                    Error::Value {
+                        what: "texture of a cluster",
+                        found: 1
+                    }
+                )
+            },
+        ),
         ("cluster_with_4_planes", with_root(|r| r[1] = 3), |e| {
             matches!(
                 e,

@@ -179,16 +179,19 @@ pub fn clusters(shift: u8, has_colours: bool) -> ClusterInput {
     let leaf = |n: u32| ClusterInput {
         mesh: mesh(&[0, 1, 2, 3, 4].map(|k| 5 * n + k)),
         error: 0.5,
+        texel: None,
         children: Vec::new(),
     };
     let inner = |n: u32| ClusterInput {
         mesh: mesh(&[0, 2, 5, 8].map(|k| 10 * n + k)),
         error: 30_000.0,
+        texel: None,
         children: vec![leaf(2 * n), leaf(2 * n + 1)],
     };
     ClusterInput {
         mesh: mesh(&[0, 6, 13, 19]),
         error: 90_000.0,
+        texel: None,
         children: vec![inner(0), inner(1)],
     }
 }

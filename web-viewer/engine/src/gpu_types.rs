@@ -227,6 +227,9 @@ impl ClusterList {
 
 /// Vertex attributes of a cluster: one word of four, location 0. See `shaders/cluster.wgsl`.
 pub const CLUSTER_ATTRIBUTES: [wgpu::VertexAttribute; 1] = wgpu::vertex_attr_array![0 => Uint32x4];
+/// The code of its texture's part, location 1.
+pub const CLUSTER_TEXTURE_ATTRIBUTES: [wgpu::VertexAttribute; 1] =
+    wgpu::vertex_attr_array![1 => Uint32];
 
 #[cfg(test)]
 mod tests {

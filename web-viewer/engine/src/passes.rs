@@ -11,7 +11,7 @@ use crate::gpu_types::{DrawList, Frame};
 use crate::{EngineError, Transition, Viewer, Viewport};
 use atlas::AtlasTextures;
 use blend::BlendPass;
-use cluster::{ClusterBuffers, ClusterPass};
+use cluster::{ClusterBuffers, ClusterPass, ClusterTextures};
 use colour::TileTextures;
 use grid::{DEPTH_FORMAT, Drawing, GridPass, Layer, SAMPLES};
 use timer::GpuTimer;
@@ -39,6 +39,7 @@ struct Scene {
     viewer: u64,
     atlas: AtlasTextures,
     clusters: ClusterBuffers,
+    textures: ClusterTextures,
     tiles: TileTextures,
     instances: wgpu::Buffer,
 }
@@ -239,7 +240,7 @@ impl Renderer {
             };
             let samples = self
                 .grid
-                .bind(&self.device, *layer, &scene.atlas, &scene.tiles);
+                .bind(&self.device, *layer, &scene.atlas, &scene.tiles, None);
             self.grid.draw(
                 &mut pass,
                 &samples,
@@ -250,9 +251,14 @@ impl Renderer {
             );
         }
         // One cluster takes the place of others at once: they are in every picture.
-        let samples = self
-            .grid
-            .bind(&self.device, Layer::Steady, &scene.atlas, &scene.tiles);
+        let textures = scene.textures.view();
+        let samples = self.grid.bind(
+            &self.device,
+            Layer::Steady,
+            &scene.atlas,
+            &scene.tiles,
+            Some(&textures),
+        );
         pass.set_bind_group(0, &samples, &[]);
         self.cluster.draw(
             &self.grid,
@@ -277,6 +283,7 @@ impl Scene {
             viewer: viewer.id(),
             atlas: AtlasTextures::new(device, viewer.texture_layers(), has_colours)?,
             clusters: ClusterBuffers::new(device, viewer.cluster_slots()),
+            textures: ClusterTextures::new(device),
             tiles: TileTextures::new(device),
             instances: instance_buffer(device, 256),
         })
@@ -305,6 +312,15 @@ impl Scene {
         }
         for upload in viewer.take_cluster_uploads() {
             self.clusters.write(queue, &upload);
+        }
+        if self
+            .textures
+            .grow(device, encoder, viewer.cluster_texture_parts())
+        {
+            submit_before_uploads(device, queue, encoder);
+        }
+        for change in viewer.take_texture_changes() {
+            self.textures.apply(queue, &self.clusters, &change);
         }
         if let Some(layer) = viewer.colour_layer() {
             if self.tiles.grow(device, encoder, layer.layers())? {

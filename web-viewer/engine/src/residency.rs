@@ -3,4 +3,5 @@
 pub mod fetch;
 pub mod lru;
 pub mod page_table;
+pub mod textures;
 pub mod upload;

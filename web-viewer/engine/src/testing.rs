@@ -6,6 +6,7 @@
 use crate::lod::balance;
 use crate::lod::cut::{Cut, Leaf, QUADRANTS};
 use glam::DVec3;
+use marquetry_format::cluster::ClusterTexture;
 use marquetry_format::quadtree::PAGE_RESOLUTION;
 use marquetry_format::writer::{
     ChartInput, ChartTiles, ClusterInput, ColourInput, Content, NodeInput, TileInput, write,
@@ -93,6 +94,11 @@ pub fn metadata() -> Metadata {
 /// # Errors
 /// When the file cannot be written or read: a fault of this crate or of the format's.
 pub fn clustered(count: u32) -> Result<(Document, Vec<u8>), Error> {
+    clustered_with(count, None)
+}
+
+/// The same, with this frame of at least 16 × 16 texels on every cluster.
+pub fn clustered_with(count: u32, frame: Option<&[u8]>) -> Result<(Document, Vec<u8>), Error> {
     let mut random = Random::new(6);
     let tetrahedra: Vec<LatticePoint> = (0..count.max(1))
         .map(|n| {
@@ -114,14 +120,25 @@ pub fn clustered(count: u32) -> Result<(Document, Vec<u8>), Error> {
                     .push(corners.map(|corner: u8| first + corner));
             }
         }
+        mesh.texture = frame.map(|frame| ClusterTexture {
+            places: (0u8..16)
+                .cycle()
+                .map(|k| [k, 15 - k])
+                .take(mesh.positions.len())
+                .collect(),
+            frame: frame.to_vec(),
+        });
         mesh
     };
+    // Texels of the leaves are 1 000 long, those above four times as long as below.
+    let texel = |below: Option<f32>| frame.map(|_| below.map_or(1000.0, |texel| 4.0 * texel));
     let mut level: Vec<(ClusterInput, Vec<LatticePoint>)> = tetrahedra
         .chunks(10)
         .map(|places| {
             let input = ClusterInput {
                 mesh: mesh(places),
                 error: 2.0,
+                texel: texel(None),
                 children: Vec::new(),
             };
             (input, places.to_vec())
@@ -137,9 +154,11 @@ pub fn clustered(count: u32) -> Result<(Document, Vec<u8>), Error> {
                 let (children, places): (Vec<_>, Vec<_>) = rest.by_ref().take(size).unzip();
                 let places: Vec<_> = places.concat().into_iter().step_by(4).collect();
                 let below = children.iter().map(|c: &ClusterInput| c.error);
+                let texel = texel(children.first().and_then(|child| child.texel));
                 let input = ClusterInput {
                     mesh: mesh(&places),
                     error: 4.0 * below.fold(10_000.0, f32::max),
+                    texel,
                     children,
                 };
                 (input, places)

@@ -24,6 +24,7 @@ use crate::lod::residency::restrict;
 use crate::options::{Shade, Transition};
 use crate::residency::fetch::{Delivery, Fetcher, Item};
 use crate::residency::page_table::PageTable;
+use crate::residency::textures::{Key, TextureChange};
 use crate::residency::upload::{ClusterUpload, MAX_LAYERS, Upload};
 use crate::section::HalfSpace;
 use crate::stats::{CacheStats, PageStats};
@@ -78,6 +79,10 @@ pub struct Viewer {
     colour: Option<ColourLayer>,
     /// Whether tiles were fading in at the last update.
     was_fading: bool,
+    /// Clusters with textures that are in the picture, those with the longest texels first, and how often theirs are halved.
+    seen_textures: Vec<(Key, u8)>,
+    /// Whether some of them have no texture yet that will get one.
+    textures_wait: bool,
 }
 
 /// What has to be made anew, each because of something before it.
@@ -180,6 +185,8 @@ impl Viewer {
             fetched: 0,
             colour: ColourLayer::new(&document)?,
             was_fading: false,
+            seen_textures: Vec::new(),
+            textures_wait: false,
             document,
         })
     }
@@ -317,6 +324,7 @@ impl Viewer {
             self.collect_both(&view);
             self.collect_clusters(&view);
         }
+        self.show_textures();
         self.schedule()
     }
 
@@ -347,6 +355,7 @@ impl Viewer {
     /// What failed since this was last called, in words, oldest first (at most 32).
     pub fn take_failures(&mut self) -> Vec<String> {
         let mut words = self.fetcher.take_failures();
+        words.extend(self.table.take_texture_failures());
         if let Some(layer) = &mut self.colour {
             words.extend(layer.take_failures());
         }
@@ -365,7 +374,8 @@ impl Viewer {
             && self.planned_resting
             && self.wanted.blocks.is_empty()
             && self.missing().all(|needed| !needed.allowed)
-            && self.is_colour_settled();
+            && self.is_colour_settled()
+            && !self.textures_wait;
         self.is_ready()
             && (is_complete || self.options.freeze)
             && self.is_resting()
@@ -395,6 +405,7 @@ impl Viewer {
             || self.fetcher.has_arrived()
             || self.fetcher.is_pausing()
             || self.colour_needs_update()
+            || self.textures_wait
             || self.is_animating()
     }
 
@@ -421,7 +432,7 @@ impl Viewer {
             tiles,
             cache: CacheStats {
                 capacity_bytes: self.options.cache_bytes,
-                used_bytes: self.table.used_bytes() + tiles.used_bytes,
+                used_bytes: self.table.used_bytes() + self.table.texture_bytes() + tiles.used_bytes,
                 pinned_bytes: self.table.pinned_bytes(),
                 evictions: self.table.evictions(),
             },
@@ -506,6 +517,14 @@ impl Viewer {
 
     pub(crate) fn take_cluster_uploads(&mut self) -> Vec<ClusterUpload> {
         self.table.take_cluster_uploads()
+    }
+
+    pub(crate) fn cluster_texture_parts(&self) -> u32 {
+        self.table.texture_parts()
+    }
+
+    pub(crate) fn take_texture_changes(&mut self) -> Vec<TextureChange> {
+        self.table.take_texture_changes()
     }
 
     pub(crate) fn cluster_slots(&self) -> u32 {
@@ -615,6 +634,7 @@ impl Viewer {
 
     /// Collects the clusters in the picture.
     fn collect_clusters(&mut self, view: &View) {
+        self.see_textures(view);
         let document = &self.document;
         self.cluster_list = ClusterList::new(
             cluster::drawn(document, &self.drawn.cut)

@@ -38,8 +38,8 @@ fn cluster_shader_is_valid() {
     for name in ["cluster_surface_vertex", "cluster_line_vertex"] {
         let entry = module.entry_points.iter().find(|entry| entry.name == name);
         let arguments = &entry.unwrap().function.arguments;
-        // One attribute, as `CLUSTER_ATTRIBUTES` says.
-        assert_eq!(arguments.len(), 1);
+        // Two attributes, as `CLUSTER_ATTRIBUTES` and `CLUSTER_TEXTURE_ATTRIBUTES` say.
+        assert_eq!(arguments.len(), 2);
         assert!(matches!(
             module.types[arguments[0].ty].inner,
             naga::TypeInner::Vector {

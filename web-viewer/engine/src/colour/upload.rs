@@ -89,29 +89,34 @@ impl LightTables {
 impl TileUpload {
     /// Repeats the outermost texels over the margin and makes the mips.
     pub fn new(slot: TileSlot, tile: &TileTexels, tables: &LightTables) -> Self {
-        let margin = MARGIN - GUTTER;
-        let (width, height) = (tile.width + 2 * margin, tile.height + 2 * margin);
-        let texel = |x: u32, y: u32| {
-            let inside = |at: u32, count: u32| at.saturating_sub(margin).min(count.max(1) - 1);
-            let index = inside(y, tile.height) * tile.width + inside(x, tile.width);
-            let start = 3 * usize::try_from(index).unwrap_or(usize::MAX);
-            match tile.rgb.get(start..) {
-                Some([r, g, b, ..]) => [*r, *g, *b, 255],
-                _ => [0, 0, 0, 255],
-            }
-        };
-        let rows = (0..height).flat_map(|y| (0..width).map(move |x| (x, y)));
-        let mut mips = vec![Mip {
-            width,
-            height,
-            rgba: rows.map(|(x, y)| texel(x, y)).collect(),
-        }];
-        for _ in 1..MIPS {
-            let next = mips.last().map(|mip| halved(mip, tables));
-            mips.extend(next);
-        }
+        let mips = mips(tile, MARGIN - GUTTER, tables);
         Self { slot, mips }
     }
+}
+
+/// The image of `tile` with its outermost texels repeated over a `margin`, and its mips.
+pub fn mips(tile: &TileTexels, margin: u32, tables: &LightTables) -> Vec<Mip> {
+    let (width, height) = (tile.width + 2 * margin, tile.height + 2 * margin);
+    let texel = |x: u32, y: u32| {
+        let inside = |at: u32, count: u32| at.saturating_sub(margin).min(count.max(1) - 1);
+        let index = inside(y, tile.height) * tile.width + inside(x, tile.width);
+        let start = 3 * usize::try_from(index).unwrap_or(usize::MAX);
+        match tile.rgb.get(start..) {
+            Some([r, g, b, ..]) => [*r, *g, *b, 255],
+            _ => [0, 0, 0, 255],
+        }
+    };
+    let rows = (0..height).flat_map(|y| (0..width).map(move |x| (x, y)));
+    let mut mips = vec![Mip {
+        width,
+        height,
+        rgba: rows.map(|(x, y)| texel(x, y)).collect(),
+    }];
+    for _ in 1..MIPS {
+        let next = mips.last().map(|mip| halved(mip, tables));
+        mips.extend(next);
+    }
+    mips
 }
 
 fn halved(mip: &Mip, tables: &LightTables) -> Mip {

@@ -10,7 +10,7 @@ use super::cut::{Cut, Leaf, QUADRANTS};
 use super::residency::children;
 use crate::camera::View;
 use marquetry_format::quadtree::PAGE_RESOLUTION;
-use marquetry_format::{Bounds, ChartId, Document, NodeId, PageId};
+use marquetry_format::{Bounds, ChartId, ClusterNode, Document, NodeId, PageId};
 use std::collections::BTreeSet;
 
 /// A leaf that was wanted is given up when a coarser one's error falls below this part of the target.
@@ -114,7 +114,15 @@ impl Forest {
             } else {
                 target.paged_error_px
             };
+            // The texels of the base's clusters are a matter of pages, like everything below.
+            let texels = target.paged_error_px / target.error_px;
+            let texels = if was_split {
+                HYSTERESIS * texels
+            } else {
+                texels
+            };
             importance_px(target.view, node.error, &node.bounds) > limit
+                || texel_px(target.view, node) > texels
         });
         Wanted { cut, blocks }
     }
@@ -229,6 +237,17 @@ impl Walk<'_> {
 pub fn importance_px(view: &View, error: f32, bounds: &Bounds) -> f64 {
     let factor = if view.sees(bounds) { 1.0 } else { OUT_OF_SIGHT };
     factor * view.error_px(error, bounds)
+}
+
+/// Length of a texel of a cluster's texture, pixels, less where it cannot be seen; 0 without a texture.
+fn texel_px(view: &View, node: &ClusterNode) -> f64 {
+    node.texel
+        .map_or(0.0, |texel| importance_px(view, texel, &node.bounds))
+}
+
+/// What is shown in place of a cluster's children, pixels: its error, or the length of its texels.
+pub fn cluster_importance_px(view: &View, node: &ClusterNode) -> f64 {
+    importance_px(view, node.error, &node.bounds).max(texel_px(view, node))
 }
 
 /// Whether the file holds anything finer than `leaf` and the index of it is loaded; notes the blocks that are not.

@@ -3,9 +3,11 @@
 //! Unused corners of a slot form triangles without extent, which cost little and save draw calls. Numbers of vertices are
 //! absolute, since WebGL2 has no base vertex. Shading is that of the grids: same bindings, same fragment shader.
 
+use super::colour::{copy_layers, texel_texture, write_mips};
 use super::grid::{GridPass, Pipelines, SHADER as GRID_SHADER};
-use crate::gpu_types::{CLUSTER_ATTRIBUTES, ClusterList};
+use crate::gpu_types::{CLUSTER_ATTRIBUTES, CLUSTER_TEXTURE_ATTRIBUTES, ClusterList};
 use crate::options::Shade;
+use crate::residency::textures::{PARTS_A_LAYER, TEXTURE_SIDE, TEXTURES_ACROSS, TextureChange};
 use crate::residency::upload::{CLUSTER_CORNERS, CLUSTER_VERTICES, ClusterUpload};
 use std::sync::OnceLock;
 
@@ -31,6 +33,14 @@ const VERTICES: wgpu::VertexBufferLayout<'_> = wgpu::VertexBufferLayout {
     step_mode: wgpu::VertexStepMode::Vertex,
     attributes: &CLUSTER_ATTRIBUTES,
 };
+/// Bytes of the code of a vertex's texture.
+const NUMBER_BYTES: u64 = 4;
+const NUMBERS: wgpu::VertexBufferLayout<'_> = wgpu::VertexBufferLayout {
+    array_stride: NUMBER_BYTES,
+    step_mode: wgpu::VertexStepMode::Vertex,
+    attributes: &CLUSTER_TEXTURE_ATTRIBUTES,
+};
+const BUFFERS: [Option<wgpu::VertexBufferLayout<'_>>; 2] = [Some(VERTICES), Some(NUMBERS)];
 /// Bytes of the number of a vertex.
 const CORNER_BYTES: u64 = 4;
 
@@ -42,9 +52,7 @@ impl ClusterPass {
             source: wgpu::ShaderSource::Wgsl(shader().into()),
         });
         Self {
-            whole: grid
-                .maker(&module, false)
-                .both("cluster_", &[Some(VERTICES)]),
+            whole: grid.maker(&module, false).both("cluster_", &BUFFERS),
             discarding: OnceLock::new(),
             module,
         }
@@ -64,14 +72,13 @@ impl ClusterPass {
             return;
         }
         let pipelines = if discards {
-            self.discarding.get_or_init(|| {
-                grid.maker(&self.module, true)
-                    .both("cluster_", &[Some(VERTICES)])
-            })
+            self.discarding
+                .get_or_init(|| grid.maker(&self.module, true).both("cluster_", &BUFFERS))
         } else {
             &self.whole
         };
         pass.set_vertex_buffer(0, buffers.vertices.slice(..));
+        pass.set_vertex_buffer(1, buffers.numbers.slice(..));
         pass.set_pipeline(&pipelines.surface);
         pass.set_index_buffer(buffers.corners.slice(..), wgpu::IndexFormat::Uint32);
         for run in &list.runs {
@@ -95,6 +102,8 @@ pub struct ClusterBuffers {
     vertices: wgpu::Buffer,
     corners: wgpu::Buffer,
     line_ends: wgpu::Buffer,
+    /// By vertex: the code of the part of the textures that its cluster shows; 0 for none.
+    numbers: wgpu::Buffer,
     slots: u32,
 }
 
@@ -119,6 +128,11 @@ impl ClusterBuffers {
             ),
             corners: buffer("cluster corners", corners, wgpu::BufferUsages::INDEX),
             line_ends: buffer("cluster lines", 2 * corners, wgpu::BufferUsages::INDEX),
+            numbers: buffer(
+                "cluster textures",
+                NUMBER_BYTES * u64::from(CLUSTER_VERTICES),
+                wgpu::BufferUsages::VERTEX,
+            ),
             slots,
         }
     }
@@ -136,6 +150,7 @@ impl ClusterBuffers {
         let grown = Self::new(device, slots);
         for (from, to) in [
             (&self.vertices, &grown.vertices),
+            (&self.numbers, &grown.numbers),
             (&self.corners, &grown.corners),
             (&self.line_ends, &grown.line_ends),
         ] {
@@ -144,7 +159,7 @@ impl ClusterBuffers {
         Some(grown)
     }
 
-    /// Writes a cluster into its slot.
+    /// Writes a cluster, which has no texture yet, into its slot.
     pub fn write(&self, queue: &wgpu::Queue, upload: &ClusterUpload) {
         let slot = u64::from(upload.slot);
         let corners = CORNER_BYTES * u64::from(CLUSTER_CORNERS) * slot;
@@ -164,5 +179,75 @@ impl ClusterBuffers {
             2 * corners,
             bytemuck::cast_slice(&upload.line_ends),
         );
+        self.set_texture(queue, upload.slot, 0);
+    }
+
+    /// Sets which part of the textures the cluster in a slot shows, by its code; 0 for none.
+    fn set_texture(&self, queue: &wgpu::Queue, slot: u32, code: u32) {
+        let vertices = usize::try_from(CLUSTER_VERTICES).unwrap_or_default();
+        let first = NUMBER_BYTES * u64::from(CLUSTER_VERTICES) * u64::from(slot);
+        queue.write_buffer(
+            &self.numbers,
+            first,
+            bytemuck::cast_slice(&vec![code; vertices]),
+        );
+    }
+}
+
+/// The texture that parts are lent of, to the clusters of one file.
+#[derive(Debug)]
+pub struct ClusterTextures {
+    texels: wgpu::Texture,
+    layers: u32,
+}
+
+impl ClusterTextures {
+    /// Without a part yet.
+    pub fn new(device: &wgpu::Device) -> Self {
+        Self {
+            texels: texel_texture(device, 1, 1),
+            layers: 0,
+        }
+    }
+
+    /// Makes room for `parts`, keeping what is there; whether commands were added that have to run before uploads.
+    pub fn grow(
+        &mut self,
+        device: &wgpu::Device,
+        encoder: &mut wgpu::CommandEncoder,
+        parts: u32,
+    ) -> bool {
+        let layers = parts.div_ceil(PARTS_A_LAYER);
+        if layers <= self.layers {
+            return false;
+        }
+        // By half: a doubled texture of a large cache would be a large waste.
+        let wanted = layers.max(self.layers + self.layers / 2);
+        let larger = texel_texture(device, TEXTURE_SIDE * TEXTURES_ACROSS, wanted);
+        let had = self.layers;
+        if had > 0 {
+            copy_layers(encoder, &self.texels, &larger, had);
+        }
+        (self.texels, self.layers) = (larger, wanted);
+        had > 0
+    }
+
+    /// Applies a change, to the clusters in `buffers` as well.
+    pub fn apply(&self, queue: &wgpu::Queue, buffers: &ClusterBuffers, change: &TextureChange) {
+        match change {
+            TextureChange::Shown { slot, part, mips } => {
+                write_mips(queue, &self.texels, part.corner(), mips);
+                buffers.set_texture(queue, *slot, part.code());
+            }
+            TextureChange::Gone { slot } => buffers.set_texture(queue, *slot, 0),
+        }
+    }
+
+    /// A view to bind.
+    pub fn view(&self) -> wgpu::TextureView {
+        self.texels.create_view(&wgpu::TextureViewDescriptor {
+            dimension: Some(wgpu::TextureViewDimension::D2Array),
+            ..Default::default()
+        })
     }
 }

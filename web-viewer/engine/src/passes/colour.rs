@@ -3,7 +3,7 @@
 use crate::EngineError;
 use crate::colour::map::{ROW_ENTRIES, TileMap};
 use crate::colour::slots::{LAYER_SIZE, MAX_LAYERS, MIPS};
-use crate::colour::upload::TileUpload;
+use crate::colour::upload::{Mip, TileUpload};
 
 /// Textures of the tiles of one viewer; tiny ones where the file has none.
 #[derive(Debug)]
@@ -98,21 +98,7 @@ impl TileTextures {
         let larger = texel_texture(device, LAYER_SIZE, wanted);
         let had = self.layers;
         if had > 0 {
-            for mip_level in 0..MIPS {
-                let side = LAYER_SIZE >> mip_level;
-                let place = |texture| wgpu::TexelCopyTextureInfo {
-                    texture,
-                    mip_level,
-                    origin: wgpu::Origin3d::ZERO,
-                    aspect: wgpu::TextureAspect::All,
-                };
-                let size = wgpu::Extent3d {
-                    width: side,
-                    height: side,
-                    depth_or_array_layers: had,
-                };
-                encoder.copy_texture_to_texture(place(&self.texels), place(&larger), size);
-            }
+            copy_layers(encoder, &self.texels, &larger, had);
         }
         (self.texels, self.layers) = (larger, wanted);
         Ok(had > 0)
@@ -120,31 +106,9 @@ impl TileTextures {
 
     /// Writes one tile to its slot.
     pub fn write(&self, queue: &wgpu::Queue, upload: &TileUpload) {
-        for (mip_level, mip) in (0u32..).zip(&upload.mips) {
-            queue.write_texture(
-                wgpu::TexelCopyTextureInfo {
-                    texture: &self.texels,
-                    mip_level,
-                    origin: wgpu::Origin3d {
-                        x: upload.slot.x >> mip_level,
-                        y: upload.slot.y >> mip_level,
-                        z: upload.slot.layer,
-                    },
-                    aspect: wgpu::TextureAspect::All,
-                },
-                bytemuck::cast_slice(&mip.rgba),
-                wgpu::TexelCopyBufferLayout {
-                    offset: 0,
-                    bytes_per_row: Some(4 * mip.width),
-                    rows_per_image: Some(mip.height),
-                },
-                wgpu::Extent3d {
-                    width: mip.width,
-                    height: mip.height,
-                    depth_or_array_layers: 1,
-                },
-            );
-        }
+        let slot = upload.slot;
+        let corner = [slot.x, slot.y, slot.layer];
+        write_mips(queue, &self.texels, corner, &upload.mips);
     }
 
     /// Writes the map of a picture.
@@ -180,7 +144,65 @@ impl TileTextures {
     }
 }
 
-fn texel_texture(device: &wgpu::Device, side: u32, layers: u32) -> wgpu::Texture {
+/// Copies all mips of the first `layers` layers.
+pub(super) fn copy_layers(
+    encoder: &mut wgpu::CommandEncoder,
+    from: &wgpu::Texture,
+    to: &wgpu::Texture,
+    layers: u32,
+) {
+    for mip_level in 0..MIPS {
+        let place = |texture| wgpu::TexelCopyTextureInfo {
+            texture,
+            mip_level,
+            origin: wgpu::Origin3d::ZERO,
+            aspect: wgpu::TextureAspect::All,
+        };
+        let size = wgpu::Extent3d {
+            width: from.width() >> mip_level,
+            height: from.height() >> mip_level,
+            depth_or_array_layers: layers,
+        };
+        encoder.copy_texture_to_texture(place(from), place(to), size);
+    }
+}
+
+/// Writes an image with its mips at a column, row and layer.
+pub(super) fn write_mips(
+    queue: &wgpu::Queue,
+    texture: &wgpu::Texture,
+    [x, y, layer]: [u32; 3],
+    mips: &[Mip],
+) {
+    for (mip_level, mip) in (0u32..).zip(mips) {
+        queue.write_texture(
+            wgpu::TexelCopyTextureInfo {
+                texture,
+                mip_level,
+                origin: wgpu::Origin3d {
+                    x: x >> mip_level,
+                    y: y >> mip_level,
+                    z: layer,
+                },
+                aspect: wgpu::TextureAspect::All,
+            },
+            bytemuck::cast_slice(&mip.rgba),
+            wgpu::TexelCopyBufferLayout {
+                offset: 0,
+                bytes_per_row: Some(4 * mip.width),
+                rows_per_image: Some(mip.height),
+            },
+            wgpu::Extent3d {
+                width: mip.width,
+                height: mip.height,
+                depth_or_array_layers: 1,
+            },
+        );
+    }
+}
+
+/// Layers of texels with their mips.
+pub(super) fn texel_texture(device: &wgpu::Device, side: u32, layers: u32) -> wgpu::Texture {
     device.create_texture(&wgpu::TextureDescriptor {
         label: Some("tiles"),
         size: wgpu::Extent3d {

@@ -161,13 +161,14 @@ impl GridPass {
         queue.write_buffer(self.frame_of(layer), 0, bytemuck::bytes_of(frame));
     }
 
-    /// Binds the samples to draw `layer` from.
+    /// Binds the samples to draw `layer` from; `texels` in place of those of the tiles.
     pub fn bind(
         &self,
         device: &wgpu::Device,
         layer: Layer,
         atlas: &AtlasTextures,
         tiles: &TileTextures,
+        texels: Option<&wgpu::TextureView>,
     ) -> wgpu::BindGroup {
         let [positions, normals, colours] = atlas.views();
         let [tile_texels, tile_map] = tiles.views();
@@ -186,7 +187,7 @@ impl GridPass {
                 view(1, &positions),
                 view(2, &normals),
                 view(3, &colours),
-                view(4, &tile_texels),
+                view(4, texels.unwrap_or(&tile_texels)),
                 wgpu::BindGroupEntry {
                     binding: 5,
                     resource: wgpu::BindingResource::Sampler(tiles.sampler()),

@@ -4,10 +4,12 @@
 //! the cut that is drawn or wanted) and pages with a resident child are not evictable.
 
 use super::lru::Lru;
+use super::textures::{Key, Seen, TextureChange, TexturePool};
 use super::upload::{
     CLUSTER_SLOT_BYTES, COLOURED_SAMPLE_BYTES, ClusterSlots, ClusterUpload, SAMPLE_BYTES, Slot,
     SlotAllocator, Upload,
 };
+use marquetry_format::cluster::ClusterTexture;
 use marquetry_format::{ClusterMesh, Document, PageId, PageSamples};
 use std::collections::{HashMap, HashSet};
 
@@ -32,7 +34,7 @@ enum Place {
 enum Kept {
     /// Everything where the page has children, else the positions alone.
     Samples(PageSamples),
-    /// Positions and triangles.
+    /// Positions, triangles and texture.
     Cluster(ClusterMesh),
 }
 
@@ -57,6 +59,9 @@ pub struct PageTable {
     cluster_slots: ClusterSlots,
     cluster_uploads: Vec<ClusterUpload>,
     root_cluster: Option<u32>,
+    /// Whether some cluster has a texture.
+    has_textures: bool,
+    textures: TexturePool,
     used_bytes: u64,
     pinned_bytes: u64,
     evictions: u64,
@@ -66,6 +71,8 @@ impl PageTable {
     /// A table with the base resident; `None` where the textures cannot hold it.
     pub fn new(document: &Document) -> Option<Self> {
         let mut table = Self::default();
+        let mut nodes = document.clusters.iter().flat_map(|tree| &tree.nodes);
+        table.has_textures = nodes.any(|node| node.texel.is_some());
         for samples in &document.base {
             let slot = table.slots.allocate(samples.resolution)?;
             table.uploads.push(Upload::pack(slot, samples));
@@ -83,6 +90,11 @@ impl PageTable {
         Some(table)
     }
 
+    /// Whether some cluster has a texture.
+    pub fn has_textures(&self) -> bool {
+        self.has_textures
+    }
+
     /// Whether `page` is resident.
     pub fn contains(&self, page: PageId) -> bool {
         self.pages.contains_key(&page)
@@ -98,13 +110,7 @@ impl PageTable {
 
     /// The slot of the cluster whose mesh `page` holds; of the root for `None`.
     pub fn cluster_slot(&self, page: Option<PageId>) -> Option<u32> {
-        let Some(page) = page else {
-            return self.root_cluster;
-        };
-        match self.pages.get(&page)?.place {
-            Place::Texels(_) => None,
-            Place::Cluster(slot) => Some(slot),
-        }
+        cluster_slot_of(&self.pages, self.root_cluster, page)
     }
 
     /// The slot of the base of chart `index`.
@@ -126,6 +132,57 @@ impl PageTable {
             Kept::Samples(_) => None,
             Kept::Cluster(mesh) => Some(mesh),
         }
+    }
+
+    /// Decodes textures of clusters that are `seen`, the most important first, with how often their sides are halved, `most` of them now; see [`TexturePool::show`].
+    pub fn show_textures(
+        &mut self,
+        document: &Document,
+        seen: &[(Key, u8)],
+        capacity_bytes: u64,
+        most: usize,
+    ) -> bool {
+        let root = document
+            .clusters
+            .as_ref()
+            .and_then(|tree| tree.root.texture.as_ref());
+        let seen: Vec<Seen<'_>> = seen
+            .iter()
+            .filter_map(|&(key, halvings)| {
+                let texture = match key {
+                    None => root,
+                    Some(page) => texture_of(&self.pages, page),
+                }?;
+                let slot = cluster_slot_of(&self.pages, self.root_cluster, key)?;
+                Some(Seen {
+                    key,
+                    slot,
+                    halvings,
+                    texture,
+                })
+            })
+            .collect();
+        self.textures.show(&seen, capacity_bytes, most)
+    }
+
+    /// Changes of textures that have not been taken yet, in order.
+    pub fn take_texture_changes(&mut self) -> Vec<TextureChange> {
+        self.textures.take_changes()
+    }
+
+    /// Textures that did not decode, in words.
+    pub fn take_texture_failures(&mut self) -> Vec<String> {
+        self.textures.take_failures()
+    }
+
+    /// Parts that textures of clusters take.
+    pub fn texture_parts(&self) -> u32 {
+        self.textures.count()
+    }
+
+    /// Bytes of the textures of clusters on the GPU.
+    pub fn texture_bytes(&self) -> u64 {
+        self.textures.used_bytes()
     }
 
     /// Marks pages as used.
@@ -181,13 +238,14 @@ impl PageTable {
         true
     }
 
-    /// Takes the decoded mesh of a cluster of `level`; whether there was a slot for it. Room must have been made.
+    /// Takes the decoded mesh of a cluster of `level`, which takes `bytes`; whether there was a slot for it. Room must have been made.
     pub fn insert_cluster(
         &mut self,
         page: PageId,
         parent: Option<PageId>,
         level: u8,
         mesh: ClusterMesh,
+        bytes: u64,
     ) -> bool {
         let Some(slot) = self.cluster_slots.allocate() else {
             return false;
@@ -197,10 +255,11 @@ impl PageTable {
         let kept = Kept::Cluster(ClusterMesh {
             positions: mesh.positions,
             triangles: mesh.triangles,
+            texture: mesh.texture,
             ..ClusterMesh::default()
         });
         let place = Place::Cluster(slot);
-        self.keep(page, place, kept, parent, CLUSTER_SLOT_BYTES);
+        self.keep(page, place, kept, parent, bytes);
         true
     }
 
@@ -289,11 +348,38 @@ impl PageTable {
             Place::Cluster(slot) => {
                 self.cluster_uploads.retain(|upload| upload.slot != slot);
                 self.cluster_slots.free(slot);
+                self.textures.forget(Some(page));
             }
         }
         self.used_bytes = self.used_bytes.saturating_sub(resident.bytes);
         self.evictions += 1;
     }
+}
+
+fn cluster_slot_of(
+    pages: &HashMap<PageId, Resident>,
+    root: Option<u32>,
+    page: Option<PageId>,
+) -> Option<u32> {
+    let Some(page) = page else {
+        return root;
+    };
+    match pages.get(&page)?.place {
+        Place::Texels(_) => None,
+        Place::Cluster(slot) => Some(slot),
+    }
+}
+
+fn texture_of(pages: &HashMap<PageId, Resident>, page: PageId) -> Option<&ClusterTexture> {
+    match &pages.get(&page)?.kept {
+        Kept::Samples(_) => None,
+        Kept::Cluster(mesh) => mesh.texture.as_ref(),
+    }
+}
+
+/// What a page with a cluster takes, given how long it is stored: its slot, and its texture as it is stored.
+pub fn bytes_of_cluster(stored: u64) -> u64 {
+    CLUSTER_SLOT_BYTES + stored
 }
 
 /// What a page takes: its texels, its positions, and all its samples where children are decoded from them.

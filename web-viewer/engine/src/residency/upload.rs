@@ -184,8 +184,8 @@ pub fn pack_point([x, y, z]: [u32; 3]) -> [u32; 2] {
 pub const CLUSTER_VERTICES: u32 = 256;
 /// Corners that a cluster's slot has room for.
 pub const CLUSTER_CORNERS: u32 = 3 * 256;
-/// Bytes of a cluster's slot (vertices, corners, and the ends of lines, two a corner) and of what is kept for picking.
-pub const CLUSTER_SLOT_BYTES: u64 = (16 + 12) * CLUSTER_VERTICES as u64
+/// Bytes of a cluster's slot (vertices with the number of their texture, corners, and the ends of lines, two a corner) and of what is kept for picking.
+pub const CLUSTER_SLOT_BYTES: u64 = (16 + 4 + 12) * CLUSTER_VERTICES as u64
     + 4 * CLUSTER_CORNERS as u64
     + 8 * CLUSTER_CORNERS as u64
     + CLUSTER_CORNERS as u64;
@@ -197,7 +197,7 @@ pub const MAX_CLUSTER_SLOTS: u32 = 1 << 14;
 pub struct ClusterUpload {
     /// Number of the slot.
     pub slot: u32,
-    /// Position (two words, as in an [`Upload`]), normal with the level above it, colour.
+    /// Position (two words, as in an [`Upload`]), normal with the level and the column on the texture above it, colour with the row.
     pub vertices: Vec<[u32; 4]>,
     /// Corners, numbered over all slots.
     pub corners: Vec<u32>,
@@ -208,17 +208,20 @@ pub struct ClusterUpload {
 impl ClusterUpload {
     /// Packs `mesh`, a node of that level, for `slot`.
     pub fn pack(slot: u32, level: u8, mesh: &ClusterMesh) -> Self {
+        let places = mesh.texture.as_ref().map(|texture| &texture.places);
         let first = slot * CLUSTER_VERTICES;
         let vertices = mesh.positions.iter().zip(&mesh.normals).enumerate();
         let vertices = vertices
             .map(|(index, (point, [a, b]))| {
                 let [low, high] = pack_point(*point);
                 let [red, green, blue] = mesh.colours.get(index).copied().unwrap_or([255; 3]);
+                let place = places.and_then(|places| places.get(index)).copied();
+                let [column, row] = place.unwrap_or_default();
                 [
                     low,
                     high,
-                    u32::from_le_bytes([*a, *b, level, 0]),
-                    u32::from_le_bytes([red, green, blue, 0]),
+                    u32::from_le_bytes([*a, *b, level, column]),
+                    u32::from_le_bytes([red, green, blue, row]),
                 ]
             })
             .collect();

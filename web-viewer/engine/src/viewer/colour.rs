@@ -1,24 +1,98 @@
-//! What a viewer does about colour tiles.
+//! What a viewer does about colour tiles and the textures of clusters.
 
 use super::Viewer;
 use crate::camera::View;
 use crate::colour::layer::ColourLayer;
+use crate::lod::cluster;
+use crate::residency::textures::{Key, SIZES, bytes_of_texture};
 use crate::{RequestId, Transition};
 
 /// Pages that a tile counts for in [`ViewerOptions::pages_per_update`](crate::ViewerOptions::pages_per_update).
 const PAGES_A_TILE: usize = 4;
+/// The same of a cluster's texture, which has the texels of up to four tiles.
+const PAGES_A_TEXTURE: usize = 8;
+/// Below this length of a texel, pixels, a cluster is so small that the colours of its vertices will do.
+const LEAST_TEXEL_PX: f64 = 0.06;
 
 impl Viewer {
-    /// Bytes that pages may take: all of the cache, or half of it beside colour tiles.
+    /// Bytes that pages may take: all of the cache, or half of it beside colour tiles and textures.
     pub(super) fn page_capacity(&self) -> u64 {
-        self.options.cache_bytes - self.tile_capacity()
+        self.options.cache_bytes - self.tile_capacity() - self.texture_capacity()
     }
 
     fn tile_capacity(&self) -> u64 {
-        match self.colour {
-            Some(_) => self.options.cache_bytes / 2,
-            None => 0,
+        match (&self.colour, self.table.has_textures()) {
+            (Some(_), false) => self.options.cache_bytes / 2,
+            (Some(_), true) => self.options.cache_bytes / 8,
+            (None, _) => 0,
         }
+    }
+
+    fn texture_capacity(&self) -> u64 {
+        match (&self.colour, self.table.has_textures()) {
+            (None, true) => self.options.cache_bytes / 2,
+            (Some(_), true) => self.options.cache_bytes / 2,
+            (_, false) => 0,
+        }
+    }
+
+    /// Notes which textures of clusters the picture shows.
+    pub(super) fn see_textures(&mut self, view: &View) {
+        self.seen_textures.clear();
+        let Some(tree) = self
+            .document
+            .clusters
+            .as_ref()
+            .filter(|_| self.table.has_textures())
+        else {
+            return;
+        };
+        let mut seen: Vec<(f64, Key)> = cluster::drawn(&self.document, &self.drawn.cut)
+            .into_iter()
+            .filter_map(|id| {
+                let node = tree.node(id)?;
+                let texel = node.texel.filter(|_| view.sees(&node.bounds))?;
+                let texel_px = view.error_px(texel, &node.bounds);
+                let page = self.document.page_of_cluster(id);
+                (texel_px >= LEAST_TEXEL_PX).then_some((texel_px, page))
+            })
+            .collect();
+        seen.sort_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
+        let halvings = |texel_px: f64| {
+            #[expect(
+                clippy::cast_possible_truncation,
+                clippy::cast_sign_loss,
+                reason = "casts saturate"
+            )]
+            let halvings = (-texel_px.log2()).max(0.0) as u8;
+            halvings
+        };
+        let capacity = self.texture_capacity();
+        let coarser_by = |bias: u8| -> Vec<(Key, u8)> {
+            let seen = seen.iter();
+            seen.map(|&(texel_px, key)| (key, halvings(texel_px).saturating_add(bias)))
+                .collect()
+        };
+        // As sharp as there is room for all of them.
+        self.seen_textures = (0..SIZES)
+            .map(coarser_by)
+            .find(|seen| seen.iter().map(|&(_, k)| bytes_of_texture(k)).sum::<u64>() <= capacity)
+            .unwrap_or_else(|| coarser_by(SIZES));
+        self.textures_wait = !self.seen_textures.is_empty();
+    }
+
+    /// Decodes some of the textures that the picture shows and that are not there.
+    pub(super) fn show_textures(&mut self) {
+        if !self.textures_wait {
+            return;
+        }
+        let most = self.options.pages_per_update.div_ceil(PAGES_A_TEXTURE);
+        let capacity = self.texture_capacity();
+        let before = self.table.texture_bytes();
+        self.textures_wait =
+            self.table
+                .show_textures(&self.document, &self.seen_textures, capacity, most);
+        self.stale.frame |= self.textures_wait || self.table.texture_bytes() != before;
     }
 
     /// Seconds that a tile fades in for.

@@ -8,10 +8,9 @@ use super::{Needed, Viewer};
 use crate::camera::View;
 use crate::lod::cluster::{self, NeededCluster};
 use crate::lod::cut::Cut;
-use crate::lod::desire::{Target, importance_px};
+use crate::lod::desire::{Target, cluster_importance_px, importance_px};
 use crate::lod::residency::{NeededPage, needed_pages};
-use crate::residency::page_table::bytes_of;
-use crate::residency::upload::CLUSTER_SLOT_BYTES;
+use crate::residency::page_table::{bytes_of, bytes_of_cluster};
 use marquetry_format::PageId;
 
 /// Steps of the target error to a factor of two.
@@ -77,7 +76,16 @@ impl Viewer {
         entries
             .map(|entry| bytes_of(entry.resolution, entry.has_children, has_colours))
             .sum::<u64>()
-            + CLUSTER_SLOT_BYTES * clusters.len() as u64
+            + clusters
+                .iter()
+                .map(|needed| self.cluster_bytes(needed.page))
+                .sum::<u64>()
+    }
+
+    /// What the cluster on a page takes of the cache.
+    pub(super) fn cluster_bytes(&self, page: PageId) -> u64 {
+        let range = self.document.page_range(page).unwrap_or_default();
+        bytes_of_cluster(range.end - range.start)
     }
 
     fn need(&mut self, view: &View, pages: &[NeededPage], clusters: &[NeededCluster]) {
@@ -99,8 +107,7 @@ impl Viewer {
                 page: what.page,
                 parent: what.parent,
                 node: None,
-                importance_px: above
-                    .map_or(0.0, |node| importance_px(view, node.error, &node.bounds)),
+                importance_px: above.map_or(0.0, |node| cluster_importance_px(view, node)),
                 allowed: true,
             });
         }

@@ -5,7 +5,6 @@ use crate::Request;
 use crate::lod::mesh::base_of;
 use crate::residency::fetch::Item;
 use crate::residency::page_table::bytes_of;
-use crate::residency::upload::CLUSTER_SLOT_BYTES;
 use marquetry_format::quadtree::PAGE_RESOLUTION;
 use marquetry_format::{PageId, PageSamples};
 
@@ -86,11 +85,9 @@ impl Viewer {
 
     /// Decodes the mesh of a cluster that arrived; false where the cache has no room for it.
     fn decode_cluster(&mut self, what: Needed) -> bool {
-        let capacity = self.options.cache_bytes;
-        if !self
-            .table
-            .make_room(CLUSTER_SLOT_BYTES, capacity, &self.pinned)
-        {
+        let capacity = self.page_capacity();
+        let size = self.cluster_bytes(what.page);
+        if !self.table.make_room(size, capacity, &self.pinned) {
             return false;
         }
         let page = what.page;
@@ -106,7 +103,10 @@ impl Viewer {
             Ok(mesh) => {
                 let node = self.document.cluster_node_of_page(page);
                 let level = node.map_or(0, |node| node.level);
-                if !self.table.insert_cluster(page, what.parent, level, mesh) {
+                if !self
+                    .table
+                    .insert_cluster(page, what.parent, level, mesh, size)
+                {
                     return false;
                 }
                 self.fetched += 1;

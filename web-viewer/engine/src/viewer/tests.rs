@@ -4,10 +4,13 @@ use super::*;
 use crate::colour::map::NO_TILES;
 use crate::lod::balance;
 use crate::lod::cut::{Across, SIDES};
+use crate::lod::desire::Target;
 use crate::lod::residency::needed_pages;
-use crate::testing::{Random, Shape, clustered, random_finest};
+use crate::residency::textures::Part;
+use crate::testing::{Random, Shape, clustered, clustered_with, random_finest};
 use glam::DVec3;
 use marquetry_format::{ByteSource, Limits, NodeId};
+use std::collections::BTreeMap;
 
 pub(super) const VIEWPORT: Viewport = Viewport {
     width: 800,
@@ -252,6 +255,102 @@ fn clusters_stream_within_the_same_budget() {
         finest = nodes;
     }
     assert!(finest > 20, "the test has seen {finest} clusters");
+}
+
+/// What the renderer would know of textures: which slots show one.
+fn follow(viewer: &mut Viewer, shown: &mut BTreeMap<u32, Part>) {
+    for change in viewer.take_texture_changes() {
+        match change {
+            TextureChange::Shown { slot, part, .. } => {
+                shown.insert(slot, part);
+            }
+            TextureChange::Gone { slot } => {
+                shown.remove(&slot);
+            }
+        }
+    }
+}
+
+#[test]
+fn textures_of_clusters_are_there_where_there_is_room_for_them() {
+    let frame = include_bytes!("../../../../format/tests/data/texture_16x24.vp8");
+    let mut network = Network::of(clustered_with(600, Some(frame)).unwrap().1, 15);
+    network.faulty_one_in = 6;
+    for cache_bytes in [0, 2 << 20, 8 << 20, 1 << 30] {
+        let mut viewer = network.viewer(ViewerOptions {
+            cache_bytes,
+            ..ViewerOptions::default()
+        });
+        network.open.clear();
+        let mut shown = BTreeMap::new();
+        for round in 0..8 {
+            let camera = random_camera(&mut network.random, &viewer.document.metadata);
+            viewer.set_camera(camera);
+            for _ in 0..20 * (round % 2) {
+                network.frame(&mut viewer, 0.016);
+                // A slot that gets another mesh has no texture until it is said to have one.
+                for upload in viewer.take_cluster_uploads() {
+                    shown.remove(&upload.slot);
+                }
+                follow(&mut viewer, &mut shown);
+                check(&viewer);
+            }
+        }
+        viewer.set_camera(Camera::standard(&viewer.document.metadata, 0, 0.7).unwrap());
+        network.settle(&mut viewer);
+        for upload in viewer.take_cluster_uploads() {
+            shown.remove(&upload.slot);
+        }
+        follow(&mut viewer, &mut shown);
+        assert!(viewer.table.texture_bytes() <= cache_bytes / 2);
+        // No two clusters share a part.
+        let corners: BTreeSet<[u32; 3]> = shown.values().map(|part| part.corner()).collect();
+        assert_eq!(corners.len(), shown.len());
+        let seen = viewer.seen_textures.len();
+        let drawn = viewer.seen_textures.iter().filter(|(key, _)| {
+            let slot = viewer.table.cluster_slot(*key);
+            slot.is_some_and(|slot| shown.contains_key(&slot))
+        });
+        if cache_bytes == 1 << 30 {
+            assert!(seen > 20, "the test has seen {seen} textures");
+            assert_eq!(drawn.count(), seen);
+        } else if cache_bytes > 0 {
+            assert!(drawn.count() > 0);
+        }
+    }
+}
+
+#[test]
+fn clusters_are_split_for_texels_as_well_as_for_error() {
+    let frame = include_bytes!("../../../../format/tests/data/texture_16x24.vp8");
+    let drawn = |frame: Option<&[u8]>| {
+        let mut network = Network::of(clustered_with(600, frame).unwrap().1, 16);
+        let mut viewer = network.viewer(ViewerOptions::default());
+        viewer.set_camera(Camera::standard(&viewer.document.metadata, 0, 40.0).unwrap());
+        network.settle(&mut viewer);
+        cluster::drawn(&viewer.document, &viewer.drawn().cut).len()
+    };
+    // Errors grow by four from level to level as texels do, but are longer: they decide.
+    assert_eq!(drawn(None), drawn(Some(frame)));
+    let document = clustered_with(600, Some(frame)).unwrap().0;
+    let tree = document.clusters.as_ref().unwrap();
+    let forest = Forest::new(&document);
+    let camera = Camera::standard(&document.metadata, 0, 2.5).unwrap();
+    let view = View::new(&camera, &document.metadata, VIEWPORT);
+    let target = Target {
+        view: &view,
+        // So large an error is allowed that only texels ask for more.
+        error_px: 1e6,
+        paged_error_px: 1e6,
+        previous: None,
+    };
+    let cut = forest.want(&document, &target).cut;
+    assert!(cluster::drawn(&document, &cut).len() > 1);
+    for id in cluster::drawn(&document, &cut) {
+        let node = tree.node(id).unwrap();
+        let texel_px = view.error_px(node.texel.unwrap(), &node.bounds);
+        assert!(texel_px <= 1.0 || node.children.is_empty() || !view.sees(&node.bounds));
+    }
 }
 
 #[test]

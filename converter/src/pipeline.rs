@@ -307,7 +307,7 @@ impl Conversion<'_> {
             let progress = self.stages.progress;
             textures
                 .paint(&mut layer.root, &frame.lattice, &|done| {
-                    progress.fraction(done)
+                    progress.fraction(done);
                 })
                 .map_err(|source| self.texture_error(source))?;
         }

@@ -2,8 +2,10 @@
 
 #![allow(
     clippy::cast_possible_truncation,
+    clippy::cast_sign_loss,
+    clippy::float_cmp,
     clippy::unwrap_used,
-    reason = "test data are small, and a failed unwrap fails the test"
+    reason = "test data are small, borders are exact, and a failed unwrap fails the test"
 )]
 
 mod support;

@@ -122,6 +122,7 @@ fn longest(mesh: &ManifoldMesh, corners: [u32; 3]) -> [u32; 2] {
 }
 
 #[cfg(test)]
+#[expect(clippy::float_cmp, reason = "halves of 0 and 1 are exact")]
 mod tests {
     use super::*;
 

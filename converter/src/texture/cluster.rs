@@ -15,7 +15,7 @@ use super::light::Light;
 use super::raster::Paint;
 use super::stage::Painter;
 use bake::{Image, Spot, Steps, bake};
-use glam::{DVec3, Vec2, Vec3};
+use glam::{DVec2, DVec3, Vec2, Vec3};
 use marquetry_evaluation::distance::{Bvh, closest_point};
 use marquetry_format::cluster::{ClusterTexture, MAX_TEXTURE_TEXELS};
 use marquetry_format::writer::ClusterInput;
@@ -142,7 +142,7 @@ impl Brush<'_> {
                     paints[triangle as usize].mean(weights, step_i, step_j, self.light)
                 },
             );
-            self.finish(node, &mut painted, mesh, image)?;
+            finish(node, &mut painted, mesh, image)?;
         }
         Ok(painted)
     }
@@ -180,7 +180,7 @@ impl Brush<'_> {
                     )
                 },
             );
-            self.finish(node, &mut painted, mesh, image)?;
+            finish(node, &mut painted, mesh, image)?;
         }
         Ok(painted)
     }
@@ -201,46 +201,45 @@ impl Brush<'_> {
             image: None,
         }
     }
+}
 
-    /// Gives `node` its image, and the vertices that it takes.
-    fn finish(
-        &self,
-        node: &mut ClusterInput,
-        painted: &mut Painted,
-        laid_out: Unwrapped,
-        image: Image,
-    ) -> Result<(), TextureError> {
-        let [width, height] = image.size;
-        let texture = ClusterTexture {
-            places: laid_out.vertices.iter().map(|&(_, place)| place).collect(),
-            frame: encode::frame(image.rgb.as_flattened(), width, height)?,
-        };
-        let old = &node.mesh;
-        let of = |v: u32| v as usize;
-        let index = |v: u32| u8::try_from(v).unwrap_or(u8::MAX);
-        let numbers = || laid_out.vertices.iter().map(|&(v, _)| of(v));
-        let mesh = ClusterMesh {
-            positions: numbers().map(|v| old.positions[v]).collect(),
-            normals: numbers().map(|v| old.normals[v]).collect(),
-            colours: numbers()
-                .filter_map(|v| old.colours.get(v).copied())
-                .collect(),
-            triangles: laid_out.triangles.iter().map(|t| t.map(index)).collect(),
-            texture: Some(texture),
-        };
-        painted.positions = numbers().map(|v| painted.positions[v]).collect();
-        painted.colours = numbers().map(|v| painted.colours[v]).collect();
-        painted.triangles = laid_out.triangles;
-        let places = laid_out
-            .vertices
-            .iter()
-            .map(|(_, [i, j])| Vec2::new(f32::from(*i), f32::from(*j)));
-        painted.image = Some((places.collect(), image, laid_out.scale));
-        #[expect(clippy::cast_possible_truncation, reason = "a length on the lattice")]
-        let texel = (1.0 / laid_out.scale) as f32;
-        (node.mesh, node.texel) = (mesh, Some(texel));
-        Ok(())
-    }
+/// Gives `node` its image, and the vertices that it takes.
+fn finish(
+    node: &mut ClusterInput,
+    painted: &mut Painted,
+    laid_out: Unwrapped,
+    image: Image,
+) -> Result<(), TextureError> {
+    let [width, height] = image.size;
+    let texture = ClusterTexture {
+        places: laid_out.vertices.iter().map(|&(_, place)| place).collect(),
+        frame: encode::frame(image.rgb.as_flattened(), width, height)?,
+    };
+    let old = &node.mesh;
+    let of = |v: u32| v as usize;
+    let index = |v: u32| u8::try_from(v).unwrap_or(u8::MAX);
+    let numbers = || laid_out.vertices.iter().map(|&(v, _)| of(v));
+    let mesh = ClusterMesh {
+        positions: numbers().map(|v| old.positions[v]).collect(),
+        normals: numbers().map(|v| old.normals[v]).collect(),
+        colours: numbers()
+            .filter_map(|v| old.colours.get(v).copied())
+            .collect(),
+        triangles: laid_out.triangles.iter().map(|t| t.map(index)).collect(),
+        texture: Some(texture),
+    };
+    painted.positions = numbers().map(|v| painted.positions[v]).collect();
+    painted.colours = numbers().map(|v| painted.colours[v]).collect();
+    painted.triangles = laid_out.triangles;
+    let places = laid_out
+        .vertices
+        .iter()
+        .map(|(_, [i, j])| Vec2::new(f32::from(*i), f32::from(*j)));
+    painted.image = Some((places.collect(), image, laid_out.scale));
+    #[expect(clippy::cast_possible_truncation, reason = "a length on the lattice")]
+    let texel = (1.0 / laid_out.scale) as f32;
+    (node.mesh, node.texel) = (mesh, Some(texel));
+    Ok(())
 }
 
 /// The children of a node as one surface with colours.
@@ -324,11 +323,10 @@ fn weights([a, b, c]: [DVec3; 3], point: DVec3) -> Vec2 {
     let squared = normal.length_squared();
     if squared == 0.0 {
         let along = ap.dot(ab) / ab.length_squared().max(f64::MIN_POSITIVE);
-        return Vec2::new(along.clamp(0.0, 1.0) as f32, 0.0);
+        return DVec2::new(along.clamp(0.0, 1.0), 0.0).as_vec2();
     }
     let s = ap.cross(ac).dot(normal) / squared;
     let t = ab.cross(ap).dot(normal) / squared;
-    let (s, t) = (s.max(0.0), t.max(0.0));
-    let most = (s + t).max(1.0);
-    Vec2::new((s / most) as f32, (t / most) as f32)
+    let weights = DVec2::new(s, t).max(DVec2::ZERO);
+    (weights / weights.element_sum().max(1.0)).as_vec2()
 }

@@ -130,13 +130,10 @@ pub(crate) fn decode(coding: Coding, counts: Counts, bytes: &[u8]) -> Result<Clu
     let normals = stream(2, vertices.saturating_mul(2))?;
     let colours = if coding.has_colours { vertices } else { 0 };
     let colours = stream(3, colours.saturating_mul(3))?;
-    let mut texture = match streams.texture {
-        None => None,
-        Some((method, places, frame)) => {
-            let places = packing::unpack(WHAT, method, places, vertices.saturating_mul(2))?;
-            Some((places, Vec::with_capacity(vertices), frame))
-        }
-    };
+    let texture = streams.texture;
+    let mut texture = texture
+        .map(|(method, places, frame)| TextureReader::unpack(method, places, vertices, frame))
+        .transpose()?;
 
     let mut mesh = ClusterMesh::default();
     let limit = 1i32 << LATTICE_BITS.saturating_sub(u32::from(coding.shift));
@@ -192,29 +189,63 @@ pub(crate) fn decode(coding: Coding, counts: Counts, bytes: &[u8]) -> Result<Clu
                 let Colour(colour) = Colour::restore(near, residual).ok_or_else(outside)?;
                 mesh.colours.push(colour);
             }
-            if let Some((codes, places, _)) = &mut texture {
-                let near = before
-                    .and_then(|near| places.get(near))
-                    .copied()
-                    .unwrap_or([0u8; 2]);
-                let code = |component: usize| {
-                    let index = component.saturating_mul(vertices).saturating_add(vertex);
-                    codes.get(index).copied().unwrap_or_default()
-                };
-                let [i, j] = near;
-                places.push([i.wrapping_add(code(0)), j.wrapping_add(code(1))]);
+            if let Some(texture) = &mut texture {
+                texture.read(vertex, before);
             }
         }
         before = Some(vertex);
     }
     mesh.triangles = triangles;
-    if let Some((_, places, frame)) = texture {
-        let frame = frame.to_vec();
-        let texture = ClusterTexture { places, frame };
-        texture.check()?;
-        mesh.texture = Some(texture);
-    }
+    mesh.texture = texture.map(TextureReader::finish).transpose()?;
     Ok(mesh)
+}
+
+/// Reads the places of a texture, vertex by vertex.
+struct TextureReader<'a> {
+    /// Columns of all vertices, then rows, each against those of the vertex before.
+    codes: Vec<u8>,
+    vertices: usize,
+    places: Vec<[u8; 2]>,
+    frame: &'a [u8],
+}
+
+impl<'a> TextureReader<'a> {
+    fn unpack(
+        method: Method,
+        body: &[u8],
+        vertices: usize,
+        frame: &'a [u8],
+    ) -> Result<Self, Error> {
+        Ok(Self {
+            codes: packing::unpack(WHAT, method, body, vertices.saturating_mul(2))?,
+            vertices,
+            places: Vec::with_capacity(vertices),
+            frame,
+        })
+    }
+
+    /// Reads the place of the next vertex, which is predicted by that of vertex `before`.
+    fn read(&mut self, vertex: usize, before: Option<usize>) {
+        let near = before.and_then(|near| self.places.get(near)).copied();
+        let [column, row] = near.unwrap_or_default();
+        let code = |component: usize| {
+            let index = component
+                .saturating_mul(self.vertices)
+                .saturating_add(vertex);
+            self.codes.get(index).copied().unwrap_or_default()
+        };
+        let place = [column.wrapping_add(code(0)), row.wrapping_add(code(1))];
+        self.places.push(place);
+    }
+
+    fn finish(self) -> Result<ClusterTexture, Error> {
+        let texture = ClusterTexture {
+            places: self.places,
+            frame: self.frame.to_vec(),
+        };
+        texture.check()?;
+        Ok(texture)
+    }
 }
 
 /// From three planes of codes: how far each corner is behind the next new vertex.

@@ -98,6 +98,9 @@ pub fn clustered(count: u32) -> Result<(Document, Vec<u8>), Error> {
 }
 
 /// The same, with this frame of at least 16 × 16 texels on every cluster.
+///
+/// # Errors
+/// As [`clustered`].
 pub fn clustered_with(count: u32, frame: Option<&[u8]>) -> Result<(Document, Vec<u8>), Error> {
     let mut random = Random::new(6);
     let tetrahedra: Vec<LatticePoint> = (0..count.max(1))

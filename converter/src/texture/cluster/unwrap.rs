@@ -423,16 +423,16 @@ mod tests {
     fn box_of(cells: u32) -> (Vec<DVec3>, Vec<[u32; 3]>) {
         let (mut positions, mut triangles) = (Vec::new(), Vec::new());
         let mut numbers: HashMap<[u32; 3], u32> = HashMap::new();
-        let axes: [fn(u32, u32, u32) -> [u32; 3]; 5] = [
-            |i, j, _| [j, i, 0],
-            |i, j, last| [i, 0, j].map(|k: u32| k.min(last)),
-            |i, j, last| [j, last, i],
-            |i, j, _| [0, j, i],
-            |i, j, last| [last, i, j],
-        ];
-        for face in axes {
+        let face = |number: u32, i: u32, j: u32| match number {
+            0 => [j, i, 0],
+            1 => [i, 0, j],
+            2 => [j, cells, i],
+            3 => [0, j, i],
+            _ => [cells, i, j],
+        };
+        for number in 0..5 {
             let mut vertex = |i: u32, j: u32| {
-                let place = face(i, j, cells);
+                let place = face(number, i, j);
                 *numbers.entry(place).or_insert_with(|| {
                     positions
                         .push(DVec3::from_array(place.map(f64::from)) * 10.0 / f64::from(cells));

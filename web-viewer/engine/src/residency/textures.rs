@@ -58,7 +58,7 @@ impl Part {
     pub fn code(self) -> u32 {
         let [x, y, layer] = self.corner();
         let step = TEXTURE_SIDE >> (SIZES - 1);
-        1 << 31 | u32::from(self.halvings) << 24 | layer << 16 | (y / step) << 8 | x / step
+        1 << 31 | u32::from(self.halvings) << 24 | layer << 16 | (y / step) << 8 | (x / step)
     }
 
     fn bytes(self) -> u64 {
@@ -365,7 +365,9 @@ mod tests {
         let mut pool = TexturePool::default();
         let pages: Vec<u32> = (0..17).collect();
         let mut small = seen(&pages, &texture);
-        small.iter_mut().for_each(|seen| seen.halvings = 5);
+        for seen in &mut small {
+            seen.halvings = 5;
+        }
         assert!(!pool.show(&small, TEXTURE_BYTES, 99));
         let mut corners = Vec::new();
         for change in pool.take_changes() {
@@ -396,7 +398,9 @@ mod tests {
         );
         // It goes away again, and what is too large for it is taken back for others.
         let mut many = seen(&(0..32).collect::<Vec<_>>(), &texture);
-        many.iter_mut().for_each(|seen| seen.halvings = 2);
+        for seen in &mut many {
+            seen.halvings = 2;
+        }
         while pool.show(&many, 2 * TEXTURE_BYTES, 99) {}
         assert!(!pool.show(&many, 2 * TEXTURE_BYTES, 99));
         assert_eq!(pool.lent.len(), 32);

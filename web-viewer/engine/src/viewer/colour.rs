@@ -29,10 +29,10 @@ impl Viewer {
     }
 
     fn texture_capacity(&self) -> u64 {
-        match (&self.colour, self.table.has_textures()) {
-            (None, true) => self.options.cache_bytes / 2,
-            (Some(_), true) => self.options.cache_bytes / 2,
-            (_, false) => 0,
+        if self.table.has_textures() {
+            self.options.cache_bytes / 2
+        } else {
+            0
         }
     }
 

@@ -190,14 +190,13 @@ impl Conversion<'_> {
         let (mesh, account) = mesh::prepare(imported).map_err(|e| e.in_file(self.input))?;
         let frame = Frame::of(&mesh, self.options.error_rel, has_colours);
         let mut selection = cluster::select::select(mesh);
-        // Charts show images better than clusters, whose images are cut into more patches.
-        let most_samples = if !textures.has_images() && selection.can_take_all() {
+        let most_samples = if selection.can_take_all() {
             (selection.rest.triangles.len() as u64)
                 .saturating_mul(self.options.samples_per_triangle)
         } else {
             u64::MAX
         };
-        let caps = self.cut(&mut selection, &textures, &frame)?;
+        let caps = self.cut(&mut selection, &frame)?;
         let charts = self.charts(&selection.rest, &caps, &textures, &frame, most_samples)?;
         let charts = charts.unwrap_or_else(|| {
             selection.take_all(caps.source_triangles);

@@ -52,11 +52,10 @@ impl Caps {
 }
 
 impl Conversion<'_> {
-    /// Cuts handles, and fingers, which become small components where clusters can show them.
+    /// Cuts handles, and fingers, which become small components.
     pub(super) fn cut(
         &mut self,
         selection: &mut Selection,
-        textures: &Textures,
         frame: &Frame,
     ) -> Result<Caps, ConvertError> {
         self.begin("handles")?;
@@ -66,14 +65,6 @@ impl Conversion<'_> {
         // Each handle gets two caps.
         let each = budget / (2 * handle_count(mesh).max(1)) as f64;
         let handles = handles::cut(mesh, reach.min(caps::reach(each)));
-        // Charts show images better.
-        if textures.has_images() {
-            return Ok(Caps {
-                handles,
-                fingers: caps::Caps::default(),
-                source_triangles,
-            });
-        }
         let Fingers { caps: fingers, of } = fingers::cut(mesh, reach, budget);
         if fingers.loops > 0 {
             let is_source = |t: usize| t < source_triangles;

@@ -196,7 +196,7 @@ impl Conversion<'_> {
         } else {
             u64::MAX
         };
-        let caps = self.cut(&mut selection, &frame)?;
+        let caps = self.cut(&mut selection, &textures, &frame)?;
         let charts = self.charts(&selection.rest, &caps, &textures, &frame, most_samples)?;
         let charts = charts.unwrap_or_else(|| {
             selection.take_all(caps.source_triangles);

@@ -89,7 +89,7 @@ fn a_torn_scan_keeps_its_textures() {
     );
     assert_eq!(count("clusters"), clusters["nodes"].as_u64().unwrap());
     assert!(
-        2 * count("cluster_bytes") <= count("image_bytes"),
+        3 * count("cluster_bytes") <= count("image_bytes"),
         "{textures}"
     );
     let verified = marquetry(&arguments!["verify", &file.path]).unwrap();
@@ -107,8 +107,8 @@ fn a_textured_scan_looks_as_its_source_near_and_far() {
     let Some(input) = data::find("textured_meshroom/texturedMesh.obj") else {
         return;
     };
-    // Coarse enough that charts take few samples for a triangle: at the default it becomes clusters.
-    let file = convert(&input, &["--error-rel", "3e-4"]).unwrap();
+    // Coarse enough that charts take few samples for a triangle: at the default all of it becomes clusters.
+    let file = convert(&input, &["--error-rel", "1.5e-4"]).unwrap();
     assert!(file.report["output"]["charts"].as_u64().unwrap() > 20);
     let textures = &file.report["textures"];
     let count = |key: &str| textures[key].as_u64().unwrap();

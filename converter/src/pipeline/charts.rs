@@ -52,10 +52,11 @@ impl Caps {
 }
 
 impl Conversion<'_> {
-    /// Cuts handles, and fingers, which become small components.
+    /// Cuts handles, and where there are no images fingers, which become small components.
     pub(super) fn cut(
         &mut self,
         selection: &mut Selection,
+        textures: &Textures,
         frame: &Frame,
     ) -> Result<Caps, ConvertError> {
         self.begin("handles")?;
@@ -65,6 +66,14 @@ impl Conversion<'_> {
         // Each handle gets two caps.
         let each = budget / (2 * handle_count(mesh).max(1)) as f64;
         let handles = handles::cut(mesh, reach.min(caps::reach(each)));
+        // Not measured with images: no textured scan at hand has any.
+        if textures.has_images() {
+            return Ok(Caps {
+                handles,
+                fingers: caps::Caps::default(),
+                source_triangles,
+            });
+        }
         let Fingers { caps: fingers, of } = fingers::cut(mesh, reach, budget);
         if fingers.loops > 0 {
             let is_source = |t: usize| t < source_triangles;

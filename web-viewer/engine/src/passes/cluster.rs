@@ -5,6 +5,7 @@
 
 use super::colour::{copy_layers, texel_texture, write_mips};
 use super::grid::{GridPass, Pipelines, SHADER as GRID_SHADER};
+use crate::colour::slots::MAX_LAYERS;
 use crate::gpu_types::{CLUSTER_ATTRIBUTES, CLUSTER_TEXTURE_ATTRIBUTES, ClusterList};
 use crate::options::Shade;
 use crate::residency::textures::{PARTS_A_LAYER, TEXTURE_SIDE, TEXTURES_ACROSS, TextureChange};
@@ -221,8 +222,8 @@ impl ClusterTextures {
         if layers <= self.layers {
             return false;
         }
-        // By half: a doubled texture of a large cache would be a large waste.
-        let wanted = layers.max(self.layers + self.layers / 2);
+        // By half: a doubled texture of a large cache would be a large waste. The pool never asks for more than devices have.
+        let wanted = layers.max(self.layers + self.layers / 2).min(MAX_LAYERS);
         let larger = texel_texture(device, TEXTURE_SIDE * TEXTURES_ACROSS, wanted);
         let had = self.layers;
         if had > 0 {

@@ -6,6 +6,7 @@
 //! are larger than they need be.
 
 use super::lru::Lru;
+use crate::colour::slots::MAX_LAYERS;
 use crate::colour::upload::{LightTables, Mip, mips};
 use marquetry_format::PageId;
 use marquetry_format::cluster::ClusterTexture;
@@ -20,7 +21,7 @@ pub const PARTS_A_LAYER: u32 = TEXTURES_ACROSS * TEXTURES_ACROSS;
 /// Sizes of parts, each half as long as the one before.
 pub const SIZES: u8 = 3;
 /// Largest parts that the layers that WebGPU guarantees have.
-const MAX_PARTS: u64 = 256 * PARTS_A_LAYER as u64;
+const MAX_PARTS: u64 = MAX_LAYERS as u64 * PARTS_A_LAYER as u64;
 /// Bytes of the largest part, mips included.
 pub const TEXTURE_BYTES: u64 = 4 * TEXTURE_SIDE as u64 * TEXTURE_SIDE as u64 * 85 / 64;
 

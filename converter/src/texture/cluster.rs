@@ -1,8 +1,8 @@
 //! Textures of clusters.
 //!
-//! Every node gets an image of its own, laid out for its own triangles ([`unwrap`]), so a node's page is all that it takes to show
+//! Every node gets an image of its own, laid out for its own triangles ([`mod@unwrap`]), so a node's page is all that it takes to show
 //! it. A leaf's texels come from the source's images, about as dense as there; those of a node above from the images of its
-//! children, at the places nearest to its own surface: a pyramid whose levels are those of the clusters ([`bake`] fills both).
+//! children, at the places nearest to its own surface: a pyramid whose levels are those of the clusters ([`mod@bake`] fills both).
 //! Parts that no image covers keep the colours of their vertices.
 
 pub mod bake;

@@ -55,6 +55,16 @@ fn similarity(
     ssim(shown, direct, &mask).unwrap().unwrap()
 }
 
+/// Near and far the picture looks as the source does.
+fn assert_similar(input: &Path, file: &Converted) {
+    let headless = Headless::new().unwrap();
+    for (view, distance, least) in [(0, 2.5, 0.9), (4, 2.5, 0.9), (0, 1.2, 0.85), (0, 8.0, 0.9)] {
+        let ssim = similarity(&headless, input, file, view, distance);
+        println!("view {view} at {distance}: SSIM {ssim:.4}");
+        assert!(ssim >= least, "view {view} at {distance}: SSIM {ssim}");
+    }
+}
+
 /// The scan at `input`, an OBJ file with an image beside it, without every hundredth triangle.
 fn torn(input: &Path, folder: &Path) -> PathBuf {
     let text = std::fs::read_to_string(input).unwrap();
@@ -94,12 +104,7 @@ fn a_torn_scan_keeps_its_textures() {
     );
     let verified = marquetry(&arguments!["verify", &file.path]).unwrap();
     verified.succeeded().unwrap();
-    let headless = Headless::new().unwrap();
-    for (view, distance, least) in [(0, 2.5, 0.9), (4, 2.5, 0.9), (0, 1.2, 0.85), (0, 8.0, 0.9)] {
-        let ssim = similarity(&headless, &input, &file, view, distance);
-        println!("view {view} at {distance}: SSIM {ssim:.4}");
-        assert!(ssim >= least, "view {view} at {distance}: SSIM {ssim}");
-    }
+    assert_similar(&input, &file);
 }
 
 #[test]
@@ -117,10 +122,5 @@ fn a_textured_scan_looks_as_its_source_near_and_far() {
     assert!(3 * count("bytes") <= count("image_bytes"), "{textures}");
     let verified = marquetry(&arguments!["verify", &file.path]).unwrap();
     verified.succeeded().unwrap();
-    let headless = Headless::new().unwrap();
-    for (view, distance, least) in [(0, 2.5, 0.9), (4, 2.5, 0.9), (0, 1.2, 0.85), (0, 8.0, 0.9)] {
-        let ssim = similarity(&headless, &input, &file, view, distance);
-        println!("view {view} at {distance}: SSIM {ssim:.4}");
-        assert!(ssim >= least, "view {view} at {distance}: SSIM {ssim}");
-    }
+    assert_similar(&input, &file);
 }

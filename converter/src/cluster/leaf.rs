@@ -194,14 +194,14 @@ impl<'a> Component<'a> {
         let Source { room, texels, .. } = *self.source;
         // An image has the light of creases in it, and they would double the vertices of rough scans.
         let creased = texels.is_empty();
-        if triangles.len() <= MAX_CLUSTER_TRIANGLES && self.texels(triangles) <= room.texels() {
+        let is_whole = triangles.len() < 2;
+        let is_small =
+            triangles.len() <= MAX_CLUSTER_TRIANGLES && self.texels(triangles) <= room.texels();
+        if is_whole || is_small {
             let piece = self.piece(triangles, creased);
-            if triangles.len() < 2 || piece.shape.fits(room) {
+            if is_whole || piece.shape.fits(room) {
                 return Halves::Piece(piece);
             }
-        }
-        if triangles.len() < 2 {
-            return Halves::Piece(self.piece(triangles, creased));
         }
         let centre = |&t: &u32| self.corners(t).into_iter().sum::<DVec3>() / 3.0;
         let (low, high) = triangles

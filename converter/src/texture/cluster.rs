@@ -8,13 +8,15 @@
 pub mod bake;
 pub mod unwrap;
 
+use super::appearance::Wrap;
 use super::build::TextureError;
 use super::encode;
 use super::images::Texels;
 use super::light::Light;
 use super::raster::Paint;
+use super::source::weights;
 use super::stage::Painter;
-use bake::{Image, Spot, Steps, bake};
+use bake::{Spot, Steps, bake};
 use glam::{DVec2, DVec3, Vec2, Vec3};
 use marquetry_evaluation::distance::{Bvh, closest_point};
 use marquetry_format::cluster::{ClusterTexture, MAX_TEXTURE_TEXELS};
@@ -46,8 +48,15 @@ struct Painted {
     positions: Vec<DVec3>,
     triangles: Vec<[u32; 3]>,
     colours: Vec<Vec3>,
-    /// Places of the vertices, the image, texels a lattice unit.
-    image: Option<(Vec<Vec2>, Image, f64)>,
+    /// Places of the vertices from the upper left corner of the image, it, and texels a lattice unit.
+    image: Option<(Vec<Vec2>, Texels, f64)>,
+}
+
+impl Painted {
+    fn area(&self, triangle: &[u32; 3]) -> f64 {
+        let [a, b, c] = triangle.map(|v| self.positions[v as usize]);
+        (b - a).cross(c - a).length() / 2.0
+    }
 }
 
 /// Gives every node of the tree the texture that its source has. The same for any number of threads.
@@ -124,10 +133,9 @@ impl Brush<'_> {
             .collect();
         let (mut texels, mut area) = (0.0, 0.0);
         for (paint, t) in paints.iter().zip(&painted.triangles) {
-            let [a, b, c] = t.map(|v| painted.positions[v as usize]);
             if let Some(own) = paint.texels() {
                 texels += f64::from(own);
-                area += (b - a).cross(c - a).length() / 2.0;
+                area += painted.area(t);
             }
         }
         if texels <= 0.0 || area <= 0.0 {
@@ -155,14 +163,7 @@ impl Brush<'_> {
         let Some(source) = source.filter(|_| finest > 0.0) else {
             return Ok(painted);
         };
-        let area: f64 = painted
-            .triangles
-            .iter()
-            .map(|t| {
-                let [a, b, c] = t.map(|v| painted.positions[v as usize]);
-                (b - a).cross(c - a).length() / 2.0
-            })
-            .sum();
+        let area: f64 = painted.triangles.iter().map(|t| painted.area(t)).sum();
         let texels = FULL * f64::from(MAX_TEXTURE_TEXELS).powi(2);
         let scale = (texels / area.max(f64::MIN_POSITIVE)).sqrt().min(finest);
         if let Some(mesh) = unwrap(&painted.positions, &painted.triangles, scale) {
@@ -208,12 +209,11 @@ fn finish(
     node: &mut ClusterInput,
     painted: &mut Painted,
     laid_out: Unwrapped,
-    image: Image,
+    image: Texels,
 ) -> Result<(), TextureError> {
-    let [width, height] = image.size;
     let texture = ClusterTexture {
         places: laid_out.vertices.iter().map(|&(_, place)| place).collect(),
-        frame: encode::frame(image.rgb.as_flattened(), width, height)?,
+        frame: encode::frame(image.rgb.as_flattened(), image.width, image.height)?,
     };
     let old = &node.mesh;
     let of = |v: u32| v as usize;
@@ -234,7 +234,7 @@ fn finish(
     let places = laid_out
         .vertices
         .iter()
-        .map(|(_, [i, j])| Vec2::new(f32::from(*i), f32::from(*j)));
+        .map(|(_, [i, j])| Vec2::new(f32::from(*i), f32::from(*j)) + 0.5);
     painted.image = Some((places.collect(), image, laid_out.scale));
     #[expect(clippy::cast_possible_truncation, reason = "a length on the lattice")]
     let texel = (1.0 / laid_out.scale) as f32;
@@ -298,7 +298,7 @@ impl<'a> Below<'a> {
         let Some(((child, corners), found)) = found else {
             return Vec3::ZERO;
         };
-        let weights = weights(corners.map(|v| child.positions[v as usize]), found);
+        let weights = weights_within(corners.map(|v| child.positions[v as usize]), found);
         let Some((places, image, own_scale)) = &child.image else {
             let [a, b, c] = corners.map(|v| child.colours[v as usize]);
             return a + (b - a) * weights.x + (c - a) * weights.y;
@@ -310,23 +310,20 @@ impl<'a> Below<'a> {
         let around = [[-half, -half], [half, -half], [-half, half], [half, half]];
         around
             .into_iter()
-            .map(|offset| image.sample(light, place + Vec2::from_array(offset)))
+            .map(|offset| image.sample(light, place + Vec2::from_array(offset), [Wrap::Clamp; 2]))
             .sum::<Vec3>()
             / 4.0
     }
 }
 
-/// Weights of the second and third corner at `point` of a triangle; of a flat one some that are near.
-fn weights([a, b, c]: [DVec3; 3], point: DVec3) -> Vec2 {
-    let (ab, ac, ap) = (b - a, c - a, point - a);
-    let normal = ab.cross(ac);
-    let squared = normal.length_squared();
-    if squared == 0.0 {
-        let along = ap.dot(ab) / ab.length_squared().max(f64::MIN_POSITIVE);
-        return DVec2::new(along.clamp(0.0, 1.0), 0.0).as_vec2();
+/// Weights of the second and third corner at a point of a triangle; of a flat one some that are near.
+fn weights_within(corners: [DVec3; 3], point: DVec3) -> Vec2 {
+    let weights = weights(corners, point);
+    if weights.is_finite() {
+        let weights = weights.max(DVec2::ZERO);
+        return (weights / weights.element_sum().max(1.0)).as_vec2();
     }
-    let s = ap.cross(ac).dot(normal) / squared;
-    let t = ab.cross(ap).dot(normal) / squared;
-    let weights = DVec2::new(s, t).max(DVec2::ZERO);
-    (weights / weights.element_sum().max(1.0)).as_vec2()
+    let [a, b, _] = corners;
+    let along = (point - a).dot(b - a) / (b - a).length_squared().max(f64::MIN_POSITIVE);
+    DVec2::new(along.clamp(0.0, 1.0), 0.0).as_vec2()
 }

@@ -9,7 +9,7 @@
 
 use super::appearance::{Appearance, NO_MATERIAL, TexturedFace};
 use crate::atlas::patch::Patch;
-use glam::{DVec3, Vec2};
+use glam::{DVec2, DVec3, Vec2};
 use marquetry_evaluation::distance::{Bvh, MeshError};
 
 /// The imported triangles, to be found by place.
@@ -75,14 +75,21 @@ impl SourceMesh {
 }
 
 /// The texture coordinates at `point`, projected to the plane of a triangle that has area.
-fn carried([a, b, c]: [DVec3; 3], uv: [Vec2; 3], point: DVec3) -> Vec2 {
+fn carried(corners: [DVec3; 3], uv: [Vec2; 3], point: DVec3) -> Vec2 {
+    let [s, t] = weights(corners, point).to_array();
+    let uv = uv.map(Vec2::as_dvec2);
+    (uv[0] + (uv[1] - uv[0]) * s + (uv[2] - uv[0]) * t).as_vec2()
+}
+
+/// Weights of the second and third corner at `point`, projected to the plane of a triangle; no numbers for one without area.
+pub(super) fn weights([a, b, c]: [DVec3; 3], point: DVec3) -> DVec2 {
     let (ab, ac, ap) = (b - a, c - a, point - a);
     let normal = ab.cross(ac);
     let area = normal.length_squared();
-    let s = ap.cross(ac).dot(normal) / area;
-    let t = ab.cross(ap).dot(normal) / area;
-    let uv = uv.map(Vec2::as_dvec2);
-    (uv[0] + (uv[1] - uv[0]) * s + (uv[2] - uv[0]) * t).as_vec2()
+    DVec2::new(
+        ap.cross(ac).dot(normal) / area,
+        ab.cross(ap).dot(normal) / area,
+    )
 }
 
 #[cfg(test)]

@@ -3,44 +3,13 @@
 //! Every texel belongs to the triangle nearest to its centre, of those within reach of a patch's margin, and is asked for at the
 //! place on it that is nearest. What lies farther from all of them is filled smoothly, from coarse to fine, for filters and for compression.
 
+use super::super::images::Texels;
 use super::super::light::Light;
 use super::unwrap::Unwrapped;
 use glam::{Vec2, Vec3};
 
 /// Distance, texels, up to which a texel belongs to a triangle.
 const REACH: f32 = 2.6;
-
-/// An image, sRGB, row by row.
-#[derive(Debug, Clone, Default, PartialEq, Eq)]
-pub struct Image {
-    /// Width and height.
-    pub size: [u32; 2],
-    /// The texels.
-    pub rgb: Vec<[u8; 3]>,
-}
-
-impl Image {
-    /// Bilinear sample in linear light at a place where whole numbers are centres of texels; the nearest where it is outside.
-    pub fn sample(&self, light: &Light, place: Vec2) -> Vec3 {
-        let [width, height] = self.size;
-        let last = Vec2::new(
-            width.saturating_sub(1) as f32,
-            height.saturating_sub(1) as f32,
-        );
-        let place = place.clamp(Vec2::ZERO, last);
-        let (floor, part) = (place.floor(), place.fract());
-        let at = |step_i: u32, step_j: u32| {
-            let texel = floor.as_uvec2();
-            let i = (texel.x + step_i).min(width.saturating_sub(1));
-            let j = (texel.y + step_j).min(height.saturating_sub(1));
-            let index = j as usize * width as usize + i as usize;
-            light.linear(self.rgb.get(index).copied().unwrap_or_default())
-        };
-        let upper = at(0, 0).lerp(at(1, 0), part.x);
-        let lower = at(0, 1).lerp(at(1, 1), part.x);
-        upper.lerp(lower, part.y)
-    }
-}
 
 /// A place on a triangle of the mesh.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -102,7 +71,7 @@ impl Flat {
 }
 
 /// Asks for the colour, linear light, of every texel that belongs to a triangle.
-pub fn bake(mesh: &Unwrapped, light: &Light, colour: impl Fn(Spot, Steps) -> Vec3) -> Image {
+pub fn bake(mesh: &Unwrapped, light: &Light, colour: impl Fn(Spot, Steps) -> Vec3) -> Texels {
     let [width, height] = mesh.size;
     let flats: Vec<Flat> = mesh
         .triangles
@@ -141,8 +110,9 @@ pub fn bake(mesh: &Unwrapped, light: &Light, colour: impl Fn(Spot, Steps) -> Vec
         .iter()
         .map(|owner| owner.map(|(_, spot)| colour(spot, steps[spot.triangle as usize])));
     let filled = filled([width, height], texels.collect());
-    Image {
-        size: mesh.size,
+    Texels {
+        width,
+        height,
         rgb: filled.into_iter().map(|texel| light.srgb(texel)).collect(),
     }
 }
@@ -228,19 +198,5 @@ mod tests {
         });
         assert_eq!(image.rgb[24 * 6 + 6], [255, 0, 0]);
         assert_eq!(image.rgb.len(), 24 * 24);
-    }
-
-    #[test]
-    fn samples_between_texels_are_blended_in_linear_light() {
-        let image = Image {
-            size: [2, 1],
-            rgb: vec![[0; 3], [255; 3]],
-        };
-        let light = Light::new();
-        let byte = |x: f32| light.srgb(image.sample(&light, Vec2::new(x, 0.3)))[0];
-        assert_eq!(
-            [byte(-1.0), byte(0.0), byte(0.5), byte(1.0), byte(7.0)],
-            [0, 0, 188, 255, 255]
-        );
     }
 }

@@ -114,7 +114,7 @@ impl Forest {
             } else {
                 target.paged_error_px
             };
-            // The texels of the base's clusters are a matter of pages, like everything below.
+            // A texel may be as long as a pixel, or longer by as much as the budget raises the error.
             let texels = target.paged_error_px / target.error_px;
             let texels = if was_split {
                 HYSTERESIS * texels

@@ -10,7 +10,7 @@ use crate::colour::slots::MAX_LAYERS;
 use crate::colour::upload::{LightTables, Mip, mips};
 use marquetry_format::PageId;
 use marquetry_format::cluster::ClusterTexture;
-use std::collections::{BTreeSet, HashMap};
+use std::collections::{BTreeSet, HashMap, HashSet};
 
 /// Texels a side of the largest part.
 pub const TEXTURE_SIDE: u32 = 256;
@@ -163,7 +163,7 @@ pub struct TexturePool {
     lent: HashMap<Key, Lent>,
     lru: Lru<Key>,
     /// Whose images do not decode.
-    damaged: std::collections::HashSet<Key>,
+    damaged: HashSet<Key>,
     failures: Vec<String>,
     changes: Vec<TextureChange>,
     light: LightTables,

@@ -13,7 +13,7 @@ use glam::DVec3;
 use marquetry_converter::import::{import, import_bytes};
 use marquetry_converter::mesh::account::{Account, Topology};
 use marquetry_converter::mesh::adjacency::EdgeTable;
-use marquetry_converter::mesh::{ImportedMesh, duplicates, manifold, prepare, weld};
+use marquetry_converter::mesh::{ImportedMesh, decimate, duplicates, manifold, prepare, weld};
 use marquetry_evaluation::distance::{self, Bvh};
 use std::f64::consts::TAU;
 use std::fmt::Write;
@@ -111,13 +111,24 @@ fn imports(c: &mut Criterion) {
 fn manifolds(c: &mut Criterion) {
     let mesh = mesh();
     let account = Account::new(&mesh);
-    let welded = weld::exact(&mesh, &mut account.clone());
+    let welded = weld::exact(mesh.clone(), &mut account.clone());
     let table = EdgeTable::new(&welded.triangles, welded.positions.len());
     let mut group = c.benchmark_group("manifold");
     group.sample_size(20);
     group.throughput(Throughput::Elements(mesh.triangles.len() as u64));
     group.bench_function("weld", |b| {
-        b.iter(|| weld::exact(black_box(&mesh), &mut account.clone()));
+        b.iter_batched(
+            || mesh.clone(),
+            |mesh| weld::exact(mesh, &mut account.clone()),
+            BatchSize::LargeInput,
+        );
+    });
+    group.bench_function("decimate", |b| {
+        b.iter_batched(
+            || welded.clone(),
+            |mut welded| decimate::decimate(&mut welded, 1e-4, mesh.triangles.len() / 8),
+            BatchSize::LargeInput,
+        );
     });
     group.bench_function("edge-table", |b| {
         b.iter(|| EdgeTable::new(black_box(&welded.triangles), welded.positions.len()));

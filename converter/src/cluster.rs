@@ -69,6 +69,21 @@ pub struct Summary {
     pub leaves: usize,
 }
 
+impl Layer {
+    /// Counts what the mesh that the clusters were made of is from the source, a length, as error of every node.
+    pub fn add_error(&mut self, distance: f64, lattice: &Lattice) {
+        if distance <= 0.0 {
+            return;
+        }
+        self.max_error += distance;
+        let mut stack = vec![&mut self.root];
+        while let Some(node) = stack.pop() {
+            node.error = leaf::upwards(f64::from(node.error) + distance / lattice.step);
+            stack.extend(&mut node.children);
+        }
+    }
+}
+
 /// Builds the tree of `components`, lists of triangles of `mesh`, of which there is at least one. `texels` has those of the source's
 /// images by triangle; it is empty where clusters need no room for textures.
 ///

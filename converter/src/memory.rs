@@ -8,6 +8,7 @@
 //! more than the reserve where that is less than some MiB. Where the system does not tell the resident set, the
 //! last check is missing.
 
+use crate::mesh::decimate;
 use crate::process;
 use std::sync::mpsc::{RecvTimeoutError, channel};
 use std::time::Duration;
@@ -15,8 +16,10 @@ use std::time::Duration;
 /// Bytes that a conversion takes whatever its input: code, threads, tables.
 const BASE: u64 = 24 << 20;
 /// Bytes a triangle at the peak of a conversion, at least: `peak_rss_bytes` over `input.triangles` of `marquetry convert
-/// --json -` is above 400 on `dragon_vrip.ply`. Lower, so that nothing is refused that might fit.
+/// --json -` is above 350 on `dragon_vrip.ply`. Lower, so that nothing is refused that might fit.
 const BYTES_PER_TRIANGLE: u64 = 300;
+/// Bytes a triangle until a mesh is decimated ([`decimate`]), at least.
+const BYTES_PER_IMPORTED: u64 = 40;
 /// How often the resident set is looked at.
 const INTERVAL: Duration = Duration::from_millis(10);
 /// The part of the ceiling that is left free for what is taken between two looks: a 32nd.
@@ -24,8 +27,10 @@ const RESERVE: u64 = 32;
 
 /// Bytes that a mesh of so many triangles needs at least, as far as can be told beforehand.
 pub fn estimate(triangles: u64) -> u64 {
+    let left = triangles.min(decimate::MANY as u64) * BYTES_PER_TRIANGLE;
     triangles
-        .saturating_mul(BYTES_PER_TRIANGLE)
+        .saturating_mul(BYTES_PER_IMPORTED)
+        .max(left)
         .saturating_add(BASE)
 }
 

@@ -1,12 +1,14 @@
 //! Triangle meshes between import and segmentation.
 //!
-//! [`prepare`] is the whole way: [`weld`] finds the vertices, `t_junction` joins edges that meet along their length, [`duplicates`] finds what is there twice, [`manifold`] the oriented
-//! surface, and [`account`] keeps the books.
+//! [`prepare`] is the whole way: [`weld`] finds the vertices, [`mod@decimate`] takes away triangles that a huge mesh has to
+//! spare, `t_junction` joins edges that meet along their length, [`duplicates`] finds what is there twice, [`mod@manifold`]
+//! the oriented surface, and [`account`] keeps the books.
 
 pub mod account;
 pub mod adjacency;
 pub mod caps;
 mod check;
+pub mod decimate;
 pub mod duplicates;
 mod fans;
 pub mod fingers;
@@ -78,6 +80,16 @@ pub struct ManifoldMesh {
 /// [`ImportError::NoSurface`] if no triangle is left, [`ImportError::TooLarge`] if there are more than 32-bit ids can number.
 /// The file's name is missing in both: add it with [`ImportError::in_file`].
 pub fn prepare(mesh: ImportedMesh) -> Result<(ManifoldMesh, Account), ImportError> {
+    let (welded, mut account) = weld(mesh)?;
+    let manifold = orient(welded, &mut account);
+    Ok((manifold, account))
+}
+
+/// The first part of [`prepare`]: vertices with the same position become one.
+///
+/// # Errors
+/// As [`prepare`].
+pub fn weld(mesh: ImportedMesh) -> Result<(WeldedMesh, Account), ImportError> {
     if mesh.triangles.len() > MAX_TRIANGLES {
         return Err(ImportError::TooLarge {
             path: None,
@@ -85,8 +97,7 @@ pub fn prepare(mesh: ImportedMesh) -> Result<(ManifoldMesh, Account), ImportErro
         });
     }
     let mut account = Account::new(&mesh);
-    let mut welded = weld::exact(&mesh, &mut account);
-    drop(mesh);
+    let welded = weld::exact(mesh, &mut account);
     if welded.triangles.is_empty() {
         return Err(ImportError::NoSurface {
             path: None,
@@ -95,20 +106,25 @@ pub fn prepare(mesh: ImportedMesh) -> Result<(ManifoldMesh, Account), ImportErro
             degenerate: account.lost(Reason::Degenerate).triangles,
         });
     }
+    Ok((welded, account))
+}
+
+/// The second part of [`prepare`]: an oriented manifold.
+pub fn orient(mut welded: WeldedMesh, account: &mut Account) -> ManifoldMesh {
     let mut table = EdgeTable::new(&welded.triangles, welded.positions.len());
-    if let Some((better, better_table)) = weld::tolerant(&welded, &table, &mut account) {
+    if let Some((better, better_table)) = weld::tolerant(&welded, &table, account) {
         (welded, table) = (better, better_table);
     }
     account.topology = Topology::of(&welded, &table);
-    if t_junction::insert(&mut welded, &table, &mut account) {
+    if t_junction::insert(&mut welded, &table, account) {
         table = EdgeTable::new(&welded.triangles, welded.positions.len());
     }
-    if duplicates::remove(&mut welded, &table, &mut account) {
+    if duplicates::remove(&mut welded, &table, account) {
         table = EdgeTable::new(&welded.triangles, welded.positions.len());
     }
-    let manifold = manifold::manifold(welded, &table, &mut account);
+    let manifold = manifold::manifold(welded, &table, account);
     account.close(&manifold);
-    Ok((manifold, account))
+    manifold
 }
 
 #[cfg(test)]

@@ -11,6 +11,7 @@ use crate::cluster::{self, Room, select::Selection};
 use crate::import::{self, ImportReport};
 use crate::memory;
 use crate::mesh::account::Account;
+use crate::mesh::decimate::{self, Decimated};
 use crate::mesh::{self, ImportedMesh, ManifoldMesh};
 use crate::output::PendingFile;
 use crate::process;
@@ -127,17 +128,22 @@ struct Frame {
     max: DVec3,
     /// Of the bounds.
     diagonal: f64,
-    /// RMS error wanted, as a length.
+    /// RMS error wanted, as a length; without what decimation took of it.
     target: f64,
     lattice: Lattice,
     has_colours: bool,
+    /// How the surface came from the import.
+    decimated: Decimated,
 }
 
 impl Frame {
-    fn of(mesh: &ManifoldMesh, error_rel: f64, has_colours: bool) -> Self {
+    fn of(mesh: &ManifoldMesh, error_rel: f64, has_colours: bool, decimated: Decimated) -> Self {
         let (min, max) = bounds(&mesh.positions);
         let diagonal = (max - min).length();
-        let target = error_rel * diagonal;
+        // Squares of what decimation and sampling do add up where they have nothing to do with each other; a bit more is left for
+        // where they do.
+        let target = (error_rel * diagonal).powi(2) - 2.0 * decimated.rms.powi(2);
+        let target = target.max(0.0).sqrt();
         Self {
             min,
             max,
@@ -145,8 +151,18 @@ impl Frame {
             target,
             lattice: quantize::lattice(min, max, target),
             has_colours,
+            decimated,
         }
     }
+}
+
+/// An import, ready to be converted.
+struct Prepared {
+    mesh: ManifoldMesh,
+    account: Account,
+    frame: Frame,
+    /// Some of the vertices that decimation took away.
+    gone: Vec<DVec3>,
 }
 
 struct Conversion<'a> {
@@ -185,10 +201,12 @@ impl Conversion<'_> {
         let (mut imported, import_report) = self.import()?;
         let textures = Textures::take(&mut imported, self.options.memory_bytes)
             .map_err(|source| self.texture_error(source.into()))?;
-        let has_colours = !imported.colours.is_empty();
-        self.begin("manifold")?;
-        let (mesh, account) = mesh::prepare(imported).map_err(|e| e.in_file(self.input))?;
-        let frame = Frame::of(&mesh, self.options.error_rel, has_colours);
+        let Prepared {
+            mesh,
+            account,
+            frame,
+            gone,
+        } = self.prepare(imported, &textures)?;
         let mut selection = cluster::select::select(mesh);
         let most_samples = if selection.can_take_all() {
             (selection.rest.triangles.len() as u64)
@@ -228,7 +246,7 @@ impl Conversion<'_> {
             positions: &positions,
             triangles: &triangles,
         };
-        let error = self.judge(source, &atlas, clusters.as_ref(), &frame)?;
+        let error = self.judge(source, &gone, &atlas, clusters.as_ref(), &frame)?;
         drop((positions, triangles));
 
         self.begin("write")?;
@@ -238,7 +256,7 @@ impl Conversion<'_> {
             bounds_min: frame.min.to_array(),
             bounds_max: frame.max.to_array(),
             up_axis: self.options.up as u8,
-            has_colours,
+            has_colours: frame.has_colours,
             target_error_rel: error.target_rel,
             max_error_rel: error.max_rel,
             rms_error_rel: error.rms_rel,
@@ -301,6 +319,7 @@ impl Conversion<'_> {
             frame.has_colours,
             &texels,
         );
+        layer.add_error(frame.decimated.bound, &frame.lattice);
         if textures.has_images() {
             self.begin("cluster-textures")?;
             let progress = self.stages.progress;
@@ -311,6 +330,38 @@ impl Conversion<'_> {
                 .map_err(|source| self.texture_error(source))?;
         }
         Ok(layer)
+    }
+
+    /// The surface to convert: welded, without triangles that there are far too many of, and manifold.
+    fn prepare(
+        &mut self,
+        imported: ImportedMesh,
+        textures: &Textures,
+    ) -> Result<Prepared, ConvertError> {
+        let has_colours = !imported.colours.is_empty();
+        self.begin("weld")?;
+        let (mut welded, mut account) = mesh::weld(imported).map_err(|e| e.in_file(self.input))?;
+        let mut gone = Vec::new();
+        if welded.triangles.len() > decimate::MANY && !textures.has_images() {
+            self.begin("decimate")?;
+            let (min, max) = bounds(&welded.positions);
+            let target = self.options.error_rel * (max - min).length();
+            (account.decimated, gone) = decimate::decimate(&mut welded, target, decimate::ENOUGH);
+        }
+        self.begin("manifold")?;
+        let mesh = mesh::orient(welded, &mut account);
+        let frame = Frame::of(
+            &mesh,
+            self.options.error_rel,
+            has_colours,
+            account.decimated,
+        );
+        Ok(Prepared {
+            mesh,
+            account,
+            frame,
+            gone,
+        })
     }
 
     fn import(&mut self) -> Result<(ImportedMesh, ImportReport), ConvertError> {
@@ -348,6 +399,7 @@ impl Conversion<'_> {
             boundary_loops: account.topology.boundary_loops,
             non_manifold_edges: account.topology.non_manifold_edges,
             t_junctions: account.t_junctions,
+            decimated: account.decimated.triangles,
         }
     }
 
@@ -370,10 +422,12 @@ impl Conversion<'_> {
         }
     }
 
-    /// Measures the surface that will be written, and refuses it above the target.
+    /// Measures the surface that will be written, and refuses it above the target. Vertices of the source that are `gone` from
+    /// the mesh to measure against are measured by themselves.
     fn judge(
         &self,
         source: distance::Mesh<'_>,
+        gone: &[DVec3],
         atlas: &build::Atlas,
         clusters: Option<&cluster::Layer>,
         frame: &Frame,
@@ -385,18 +439,17 @@ impl Conversion<'_> {
             cluster::append_finest(&layer.root, &frame.lattice, &mut positions, &mut triangles);
             bound = bound.max(layer.max_error);
         }
-        let measured = distance::measure(
-            distance::Mesh {
-                positions: &positions,
-                triangles: &triangles,
-            },
-            source,
-            MEASURED_SAMPLES,
-        )
-        .map_err(|source| ConvertError::Measure {
+        let surface = distance::Mesh {
+            positions: &positions,
+            triangles: &triangles,
+        };
+        let unmeasured = |source| ConvertError::Measure {
             path: self.input.to_owned(),
             source,
-        })?;
+        };
+        let measured = distance::measure(surface, source, MEASURED_SAMPLES).map_err(unmeasured)?;
+        let of_gone = distance::from_points(gone, surface).map_err(unmeasured)?;
+        let hausdorff = measured.hausdorff().max(of_gone.max);
         let relative = |length: f64| {
             if frame.diagonal > 0.0 {
                 length / frame.diagonal
@@ -407,9 +460,9 @@ impl Conversion<'_> {
         let error = ErrorReport {
             target_rel: self.options.error_rel,
             // The bound holds for real numbers; rounding must not let it fall below what was seen.
-            max_rel: relative(measured.hausdorff().max(bound)),
-            rms_rel: relative(measured.rms()),
-            hausdorff_rel: relative(measured.hausdorff()),
+            max_rel: relative(hausdorff.max(bound)),
+            rms_rel: relative(measured.rms().max(of_gone.rms)),
+            hausdorff_rel: relative(hausdorff),
         };
         if error.rms_rel > error.target_rel && !self.options.allow_worse {
             return Err(ConvertError::AboveTarget {

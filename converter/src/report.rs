@@ -53,6 +53,8 @@ pub struct InputReport {
     pub non_manifold_edges: usize,
     /// Vertices on the inside of border edges (T-junctions), which were joined to them.
     pub t_junctions: usize,
+    /// Triangles taken away because there are far more than the target asks for.
+    pub decimated: usize,
 }
 
 /// How the surface was cut into charts.

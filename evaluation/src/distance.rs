@@ -165,6 +165,43 @@ pub fn measure(first: Mesh<'_>, second: Mesh<'_>, samples: u64) -> Result<Distan
     })
 }
 
+/// Distances from points to a mesh; the RMS counts each point alike. Zero without points.
+///
+/// Deterministic, for any number of threads.
+///
+/// # Errors
+/// When the mesh has no triangles, an index out of range or a coordinate that is not finite.
+pub fn from_points(points: &[DVec3], mesh: Mesh<'_>) -> Result<OneWay, MeshError> {
+    /// Points of a chunk; chunks are summed in order.
+    const CHUNK: usize = 1 << 12;
+    if mesh.triangles.is_empty() {
+        return Err(MeshError::Empty);
+    }
+    if points.is_empty() {
+        return Ok(Sums::default().distances());
+    }
+    let tree = Bvh::new(mesh.positions, mesh.triangles)?;
+    let chunks: Vec<Sums> = points
+        .par_chunks(CHUNK)
+        .map(|chunk| {
+            let mut sums = Sums::default();
+            for &point in chunk {
+                if let Some(closest) = tree.closest(point, f64::INFINITY) {
+                    sums.max2 = sums.max2.max(closest.distance2);
+                    sums.sum2 += closest.distance2;
+                    sums.count += 1;
+                }
+            }
+            sums
+        })
+        .collect();
+    let mut sums = Sums::default();
+    for chunk in &chunks {
+        sums.merge(chunk);
+    }
+    Ok(sums.distances())
+}
+
 /// Sums of one direction, or of one chunk of it.
 #[derive(Debug, Clone, Default)]
 struct Sums {

@@ -54,7 +54,9 @@ pub struct Surface<'a> {
     pub colours: bool,
     /// Target RMS error, a length.
     pub target: f64,
-    /// Bound of the distance from the caps of cut handles and fingers to the source, a length.
+    /// Bound of the distance from the patches to the source, a length.
+    pub distance: f64,
+    /// Bound of the distance from the caps of cut handles and fingers to the patches, a length.
     pub cap_distance: f64,
     /// About the integral of the squared distance between caps and the source; >= 0.
     pub cap_squares: f64,
@@ -385,10 +387,7 @@ impl ChartBuilder<'_> {
         // Errors never grow on the way down.
         let mut bounds: Vec<f32> = errors
             .iter()
-            .map(|e| {
-                self.surface
-                    .in_lattice_units(e.max + self.cap_distance(node))
-            })
+            .map(|e| self.surface.in_lattice_units(e.max + self.distance(node)))
             .collect();
         let mut floor = deepest_error(children.as_deref());
         for bound in bounds.iter_mut().rev() {
@@ -404,12 +403,13 @@ impl ChartBuilder<'_> {
     }
 
     /// How far the patch itself may be from the source within a node.
-    fn cap_distance(&self, node: NodeId) -> f64 {
-        if self.caps.iter().any(|cap| cap.touches(node)) {
+    fn distance(&self, node: NodeId) -> f64 {
+        let caps = if self.caps.iter().any(|cap| cap.touches(node)) {
             self.surface.cap_distance
         } else {
             0.0
-        }
+        };
+        self.surface.distance + caps
     }
 
     /// The children of `node`, if the file holds them.

@@ -564,6 +564,7 @@ mod tests {
                 lattice: quantize::lattice(DVec3::ZERO, DVec3::splat(8.0), target),
                 colours: false,
                 target,
+                distance: 0.0,
                 cap_distance: 0.0,
                 cap_squares: 0.0,
             }

@@ -1,8 +1,10 @@
 //! The books: what became of every imported triangle, and the topology that was found.
 //!
-//! Triangles in = kept + lost, reason by reason, and so do their areas (up to rounding). Subdivision adds triangles, never area.
+//! Triangles in + added by subdivision = kept + lost, reason by reason, + decimated. So do their areas, up to rounding;
+//! subdivision adds none.
 
 use super::adjacency::{EdgeTable, UnionFind, end, id, label, start};
+use super::decimate::Decimated;
 use super::{ImportedMesh, ManifoldMesh, NONE, WeldedMesh};
 use glam::DVec3;
 use rayon::prelude::*;
@@ -76,7 +78,7 @@ pub struct Topology {
 pub struct Account {
     /// What came in.
     pub imported: Tally,
-    /// What was kept.
+    /// What was kept, with what subdivision added.
     pub kept: Tally,
     /// What was left out, by reason (index: [`Reason`] in order).
     lost: [Tally; 5],
@@ -86,7 +88,9 @@ pub struct Account {
     pub t_junctions: usize,
     /// Area by which triangles grew (shrank, below 0) that took in vertices not exactly on their edges.
     pub gained_area: f64,
-    /// Triangles that subdivision added to the kept ones.
+    /// What decimation took away; its area is the difference between before and after.
+    pub decimated: Decimated,
+    /// Triangles that subdivision added; some may be lost again.
     pub added_triangles: usize,
     /// Edges that were halved so that no two edges have the same ends.
     pub split_edges: usize,
@@ -128,9 +132,8 @@ impl Account {
     }
 
     pub(super) fn close(&mut self, mesh: &ManifoldMesh) {
-        let triangles = mesh.triangles.len() - self.added_triangles;
         self.kept = Tally {
-            triangles,
+            triangles: mesh.triangles.len(),
             area: total_area(&mesh.positions, &mesh.triangles),
         };
     }
@@ -141,20 +144,22 @@ impl Account {
     /// A sentence that says what does not.
     pub fn check(&self) -> Result<(), String> {
         let lost: usize = self.lost.iter().map(|t| t.triangles).sum();
-        if self.imported.triangles != self.kept.triangles + lost {
+        let decimated = self.decimated.triangles;
+        let (came, added) = (self.imported.triangles, self.added_triangles);
+        if came + added != self.kept.triangles + lost + decimated {
             return Err(format!(
-                "{} triangles came in, but {} were kept and {lost} left out",
-                self.imported.triangles, self.kept.triangles
+                "{came} triangles came in and {added} were added, but {} were kept, {lost} left out and {decimated} decimated",
+                self.kept.triangles
             ));
         }
         // The tolerance weld moves corners; what it may change is bounded by its distance, not by rounding.
         let allowed = if self.weld_tolerance.is_some() {
-            1e-3
+            super::weld::WELD_AREA
         } else {
             1e-9
         };
         let lost: f64 = self.lost.iter().map(|t| t.area).sum();
-        let out = self.kept.area + lost - self.gained_area;
+        let out = self.kept.area + lost + self.decimated.area - self.gained_area;
         if (self.imported.area - out).abs() > allowed * self.imported.area + self.rounding {
             return Err(format!(
                 "an area of {} came in, but {out} is accounted for",
@@ -172,7 +177,7 @@ fn finite_area([a, b, c]: [DVec3; 3]) -> f64 {
 }
 
 /// Summed in blocks of fixed size, so the result is the same for any number of threads.
-fn total_area(positions: &[DVec3], triangles: &[[u32; 3]]) -> f64 {
+pub(super) fn total_area(positions: &[DVec3], triangles: &[[u32; 3]]) -> f64 {
     let blocks: Vec<f64> = triangles
         .par_chunks(1 << 13)
         .map(|block| {

@@ -2,11 +2,11 @@
 //!
 //! The exact weld compares position bits (−0 equals +0). A tolerance weld follows only where the exact one has plainly
 //! failed: more than [`FAILED_BORDER`] of the edges are border edges, *and* merging vertices that lie closer than a
-//! hundredth of the median edge takes away at least half of them. A genuine soup stays as it is.
+//! hundredth of the median edge takes away at least half of them, and hardly any area. A genuine soup stays as it is.
 //!
 //! Limit: the tolerance weld joins chains of close vertices, whatever their length, into the first of them.
 
-use super::account::{Account, Reason};
+use super::account::{Account, Reason, total_area};
 use super::adjacency::{EdgeTable, UnionFind, end, id, start};
 use super::{ImportedMesh, NONE, WeldedMesh};
 use glam::DVec3;
@@ -15,24 +15,32 @@ use rayon::prelude::*;
 /// Share of border edges above which the exact weld is suspected to have failed.
 pub const FAILED_BORDER: f64 = 0.3;
 
+/// Part of the area that a tolerance weld may change.
+pub(super) const WELD_AREA: f64 = 1e-3;
+
 /// Welds bit-equal positions; leaves out triangles that are not finite or have coinciding corners, and unused vertices.
-pub fn exact(mesh: &ImportedMesh, account: &mut Account) -> WeldedMesh {
-    let first = first_equal(&mesh.positions);
-    let finite: Vec<bool> = mesh.positions.iter().map(|p| p.is_finite()).collect();
-    let mut kept = Vec::with_capacity(mesh.triangles.len());
-    for t in &mesh.triangles {
-        let welded = t.map(|v| first[v as usize]);
-        let reason = if t.iter().any(|&v| !finite[v as usize]) {
+pub fn exact(mesh: ImportedMesh, account: &mut Account) -> WeldedMesh {
+    let ImportedMesh {
+        positions,
+        colours,
+        mut triangles,
+        ..
+    } = mesh;
+    let first = first_equal(&positions);
+    triangles.retain_mut(|t| {
+        let corners = t.map(|v| positions[v as usize]);
+        *t = t.map(|v| first[v as usize]);
+        let reason = if corners.iter().any(|corner| !corner.is_finite()) {
             Reason::NonFinite
-        } else if has_equal_corners(welded) {
+        } else if has_equal_corners(*t) {
             Reason::Degenerate
         } else {
-            kept.push(welded);
-            continue;
+            return true;
         };
-        account.lose(reason, t.map(|v| mesh.positions[v as usize]));
-    }
-    compact(&mesh.positions, &mesh.colours, &first, kept)
+        account.lose(reason, corners);
+        false
+    });
+    compact(positions, &colours, &first, triangles)
 }
 
 /// A weld within a tolerance and its edge table, where the exact one has plainly failed.
@@ -60,9 +68,15 @@ pub fn tolerant(
     if kept.is_empty() || lost.len() * 100 > mesh.triangles.len() {
         return None;
     }
-    let welded = compact(&mesh.positions, &mesh.colours, &first, kept);
+    let welded = compact(mesh.positions.clone(), &mesh.colours, &first, kept);
     let table = EdgeTable::new(&welded.triangles, welded.positions.len());
     if border_share(&table) > before / 2.0 {
+        return None;
+    }
+    // Nor are triangles that are long and hardly wider than it.
+    let area = |mesh: &WeldedMesh| total_area(&mesh.positions, &mesh.triangles);
+    let was: f64 = area(mesh) - total_area(&mesh.positions, &lost);
+    if (area(&welded) - was).abs() > WELD_AREA * was {
         return None;
     }
     for t in lost {
@@ -98,7 +112,7 @@ fn tolerance(mesh: &WeldedMesh, table: &EdgeTable) -> f64 {
 
 /// Drops vertices that no triangle uses, keeps the order of the others; colours of welded vertices are averaged.
 fn compact(
-    positions: &[DVec3],
+    mut positions: Vec<DVec3>,
     colours: &[[u8; 3]],
     first: &[u32],
     mut triangles: Vec<[u32; 3]>,
@@ -107,15 +121,23 @@ fn compact(
     for v in triangles.iter().flatten() {
         number[*v as usize] = 0;
     }
-    let mut welded = WeldedMesh::default();
+    // Both in place: they are most of what memory there is to take.
+    let mut count = 0;
     for (v, n) in number.iter_mut().enumerate().filter(|(_, n)| **n != NONE) {
-        *n = id(welded.positions.len());
-        welded.positions.push(positions[v]);
+        *n = id(count);
+        positions[count] = positions[v];
+        count += 1;
     }
+    positions.truncate(count);
+    positions.shrink_to_fit();
     for v in triangles.iter_mut().flatten() {
         *v = number[*v as usize];
     }
-    welded.triangles = triangles;
+    let mut welded = WeldedMesh {
+        positions,
+        colours: Vec::new(),
+        triangles,
+    };
     if !colours.is_empty() {
         let mut sums = vec![[0_u64; 4]; welded.positions.len()];
         for (colour, &f) in colours.iter().zip(first) {

@@ -147,6 +147,7 @@ impl Conversion<'_> {
             lattice: frame.lattice,
             colours: frame.has_colours,
             target: frame.target,
+            distance: frame.decimated.bound,
             cap_distance: caps.distance(),
             cap_squares: caps.squares(),
         };

@@ -42,7 +42,7 @@ fn minus_zero_is_zero() {
         [DVec3::ZERO, DVec3::X, DVec3::Y],
         [-DVec3::ZERO, DVec3::Y, DVec3::NEG_X],
     ]);
-    let welded = exact(&mesh, &mut Account::new(&mesh));
+    let welded = exact(mesh.clone(), &mut Account::new(&mesh));
     assert_eq!(welded.positions.len(), 4);
     assert_eq!(welded.triangles, [[0, 1, 2], [0, 2, 3]]);
 }
@@ -96,7 +96,7 @@ fn colours_of_welded_vertices_are_averaged() {
         [DVec3::ZERO, DVec3::Y, DVec3::NEG_X],
     ]);
     mesh.colours = vec![[0, 10, 255], [9; 3], [8; 3], [1, 20, 255], [8; 3], [7; 3]];
-    let welded = exact(&mesh, &mut Account::new(&mesh));
+    let welded = exact(mesh.clone(), &mut Account::new(&mesh));
     assert_eq!(welded.colours, [[1, 15, 255], [9; 3], [8; 3], [7; 3]]);
 }
 
@@ -146,4 +146,47 @@ fn tolerance_weld_finds_every_close_pair() {
     }
     let naive: Vec<u32> = (0..id(points.len())).map(|i| sets.find(i)).collect();
     assert_eq!(fast, naive);
+}
+
+/// Found by fuzzing: slivers of triangles whose width is about the tolerance.
+#[test]
+fn narrow_triangles_are_no_failed_weld() {
+    let positions = [
+        (0.0, 0.0, 1.0),
+        (3e5, 6.0, 1.0),
+        (1.0, 0.0, 11.0),
+        (1.0, 0.0, 0.0),
+    ];
+    let positions = positions.map(|(x, y, z)| DVec3::new(x, y, z)).to_vec();
+    let mesh = ImportedMesh {
+        positions,
+        triangles: vec![[2, 3, 1], [1, 2, 0], [0, 2, 1]],
+        ..ImportedMesh::default()
+    };
+    let (_, account) = prepare(mesh).unwrap();
+    assert_eq!(account.check(), Ok(()));
+    assert_eq!(account.weld_tolerance, None);
+}
+
+/// Found by fuzzing: vertices on edges cut triangles to pieces, more of which are lost than triangles came in.
+#[test]
+fn pieces_of_triangles_are_accounted_for() {
+    let flat = |x: f64, y: f64| DVec3::new(x, y, 0.0);
+    // The same long triangle twice, one of them with its edge cut by small ones, and again from behind.
+    let mut mesh = ImportedMesh {
+        positions: vec![flat(0.0, 0.0), flat(8.0, 0.0), flat(4.0, 8.0)],
+        triangles: vec![[0, 1, 2], [0, 1, 2], [1, 0, 2]],
+        ..ImportedMesh::default()
+    };
+    for i in 0..8 {
+        let first = id(mesh.positions.len());
+        let at = f64::from(i);
+        mesh.positions
+            .extend([flat(at, 0.0), flat(at + 1.0, 0.0), flat(at + 0.5, -1.0)]);
+        mesh.triangles.push([first + 1, first, first + 2]);
+    }
+    let (manifold, account) = prepare(mesh).unwrap();
+    assert_eq!(manifold.check(), Ok(()));
+    assert_eq!(account.check(), Ok(()));
+    assert_eq!(account.kept.triangles, manifold.triangles.len());
 }

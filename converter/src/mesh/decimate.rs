@@ -1,0 +1,202 @@
+//! Fewer triangles where a mesh has far more than its conversion can use.
+//!
+//! A mesh of more than [`MANY`] triangles loses edges, the shortest first, that are shorter than those of [`ENOUGH`] equal
+//! triangles on its area: one vertex takes the place of two, where the planes of the source's triangles ask for it
+//! (Garland & Heckbert, "Surface Simplification Using Quadric Error Metrics", 1997). A collapse must keep three promises: the
+//! surface stays what it is topologically (the link condition of Dey, Edelsbrunner, Guha & Nekhayev, "Topology preserving edge
+//! contraction", 1999), the mean square of the distance to the source's planes stays a small part of the target, and the
+//! guaranteed distance stays within it ([`collapse`]). Detail that the target asks for therefore stays, however fine.
+//!
+//! It works block by block, runs of triangles along a Morton curve, with the vertices held that a block shares; a second pass
+//! with other blocks takes what the first had to hold. Blocks are independent, so that any number of threads gives the same
+//! mesh, and what one takes in memory does not grow with the mesh.
+//!
+//! Limits: border vertices and those of non-manifold edges stay; meshes with colours of vertices stay as they are.
+
+mod collapse;
+mod quadric;
+#[cfg(test)]
+mod tests;
+
+use super::adjacency::id;
+use super::{NONE, WeldedMesh};
+use collapse::{Collapsed, Limits};
+use glam::DVec3;
+use rayon::prelude::*;
+
+/// Triangles up to which a mesh is left alone.
+pub const MANY: usize = 2_000_000;
+/// About what is left of a larger one that is smooth, and not much noisier than the target.
+pub const ENOUGH: usize = 1_000_000;
+
+/// Root of the mean squared distance to the planes of merged triangles, over the target.
+const RMS_OVER_TARGET: f64 = 0.2;
+/// Guaranteed distance of each pass, over the target.
+const BOUND_OVER_TARGET: f64 = 2.0;
+/// Edges shorter than this, over the edge of equal triangles, are collapsed; the edges left are about as long as those.
+const SHORT: f64 = 0.8;
+/// Triangles of a block.
+const BLOCK: usize = 1 << 18;
+
+/// What decimation did.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub struct Decimated {
+    /// Triangles taken away.
+    pub triangles: usize,
+    /// Area that was lost (gained, below 0) with them.
+    pub area: f64,
+    /// Upper bound of the Hausdorff distance between both meshes.
+    pub bound: f64,
+    /// RMS distance from the vertices taken away to the mesh that is left, the sum of both passes, each measured at one in
+    /// eight of them.
+    pub rms: f64,
+}
+
+/// Decimates a mesh without colours that is to be shown with an RMS error of `target`, a length, to about `enough` triangles.
+/// Also one in eight of the vertices that were taken away, for measurements.
+pub fn decimate(mesh: &mut WeldedMesh, target: f64, enough: usize) -> (Decimated, Vec<DVec3>) {
+    let mut decimated = Decimated::default();
+    let mut gone = Vec::new();
+    if mesh.triangles.len() <= enough || !mesh.colours.is_empty() {
+        return (decimated, gone);
+    }
+    let before = (mesh.triangles.len(), area(mesh));
+    // Of `enough` equilateral triangles.
+    let edge = (4.0 / 3.0_f64.sqrt() * before.1 / enough.max(1) as f64).sqrt();
+    let limits = Limits {
+        edge: SHORT * edge,
+        rms: RMS_OVER_TARGET * target,
+        bound: BOUND_OVER_TARGET * target,
+    };
+    for origin in [0.0, 0.6] {
+        let pass = pass(mesh, limits, origin);
+        decimated.bound += pass.bound;
+        decimated.rms += pass.rms;
+        if gone.is_empty() {
+            // Those of the second pass are no vertices of the source.
+            gone = pass.gone;
+        }
+    }
+    compact(mesh);
+    decimated.triangles = before.0 - mesh.triangles.len();
+    decimated.area = before.1 - area(mesh);
+    (decimated, gone)
+}
+
+/// How far a pass moved the surface, lengths, and some of the vertices that it took away.
+struct Pass {
+    bound: f64,
+    rms: f64,
+    gone: Vec<DVec3>,
+}
+
+/// Collapses edges of all blocks, on a curve whose cells start `origin` of the extent below the mesh.
+fn pass(mesh: &mut WeldedMesh, limits: Limits, origin: f64) -> Pass {
+    /// Of a vertex that several blocks have.
+    const SHARED: u32 = NONE - 1;
+    let order = along_curve(mesh, origin);
+    let mut owner = vec![NONE; mesh.positions.len()];
+    for (block, number) in order.chunks(BLOCK).zip(0..) {
+        for &t in block {
+            for v in mesh.triangles[t as usize] {
+                let owner = &mut owner[v as usize];
+                *owner = if *owner == NONE || *owner == number {
+                    number
+                } else {
+                    SHARED
+                };
+            }
+        }
+    }
+    let blocks: Vec<Collapsed> = order
+        .par_chunks(BLOCK)
+        .map(|block| {
+            let triangles: Vec<[u32; 3]> =
+                block.iter().map(|&t| mesh.triangles[t as usize]).collect();
+            let is_shared = |v: u32| owner[v as usize] == SHARED;
+            collapse::collapse(&mesh.positions, &triangles, is_shared, limits)
+        })
+        .collect();
+    drop(order);
+    mesh.triangles = Vec::with_capacity(blocks.iter().map(|b| b.triangles.len()).sum());
+    let (mut bound, mut squares, mut gone) = (0.0_f64, 0.0, Vec::new());
+    for block in blocks {
+        mesh.triangles.extend(block.triangles);
+        for (v, position) in block.moved {
+            mesh.positions[v as usize] = position;
+        }
+        bound = bound.max(block.bound);
+        squares += block.squares;
+        gone.extend(block.gone);
+    }
+    Pass {
+        bound,
+        rms: (squares / gone.len().max(1) as f64).sqrt(),
+        gone,
+    }
+}
+
+/// All triangles in the order of a Morton curve through their centres.
+fn along_curve(mesh: &WeldedMesh, origin: f64) -> Vec<u32> {
+    const CELLS: f64 = 1024.0;
+    let (low, high) = mesh
+        .positions
+        .iter()
+        .fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(low, high), &p| {
+            (low.min(p), high.max(p))
+        });
+    let extent = (high - low).max_element().max(f64::MIN_POSITIVE);
+    let scale = CELLS / ((1.0 + origin) * extent);
+    let mut keyed: Vec<u64> = mesh
+        .triangles
+        .par_iter()
+        .enumerate()
+        .map(|(t, corners)| {
+            let corners = corners.map(|v| mesh.positions[v as usize] - low);
+            let cell = (corners.into_iter().sum::<DVec3>() / 3.0 + origin * extent) * scale;
+            #[expect(
+                clippy::cast_possible_truncation,
+                clippy::cast_sign_loss,
+                reason = "clamped"
+            )]
+            let cell = cell
+                .clamp(DVec3::ZERO, DVec3::splat(CELLS - 1.0))
+                .to_array()
+                .map(|c| c as u64);
+            let code = spread(cell[0]) | spread(cell[1]) << 1 | spread(cell[2]) << 2;
+            code << 32 | u64::from(id(t))
+        })
+        .collect();
+    keyed.par_sort_unstable();
+    #[expect(clippy::cast_possible_truncation, reason = "the low half of the entry")]
+    let order = keyed.into_iter().map(|entry| entry as u32).collect();
+    order
+}
+
+/// The low ten bits, two zeros between each two.
+fn spread(cell: u64) -> u64 {
+    (0..10).fold(0, |code, bit| code | (cell >> bit & 1) << (3 * bit))
+}
+
+fn area(mesh: &WeldedMesh) -> f64 {
+    super::account::total_area(&mesh.positions, &mesh.triangles)
+}
+
+/// Drops vertices that no triangle has.
+fn compact(mesh: &mut WeldedMesh) {
+    let mut number = vec![NONE; mesh.positions.len()];
+    for &v in mesh.triangles.as_flattened() {
+        number[v as usize] = 0;
+    }
+    let mut count = 0;
+    for (v, number) in number.iter_mut().enumerate().filter(|(_, n)| **n != NONE) {
+        *number = count;
+        mesh.positions[count as usize] = mesh.positions[v];
+        count += 1;
+    }
+    mesh.positions.truncate(count as usize);
+    mesh.positions.shrink_to_fit();
+    for v in mesh.triangles.as_flattened_mut() {
+        *v = number[*v as usize];
+    }
+}

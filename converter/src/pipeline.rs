@@ -57,6 +57,8 @@ pub struct Options {
     /// Samples for a triangle of the source that charts may take; where they need more, clusters of its triangles are
     /// smaller (`ARCHITECTURE.md`).
     pub samples_per_triangle: u64,
+    /// Triangles from which on a mesh without colours or images is decimated, to about half as many ([`decimate`]).
+    pub decimate_above: usize,
 }
 
 impl Default for Options {
@@ -68,6 +70,7 @@ impl Default for Options {
             memory_bytes: 4 << 30,
             threads: None,
             samples_per_triangle: 8,
+            decimate_above: decimate::MANY,
         }
     }
 }
@@ -342,11 +345,12 @@ impl Conversion<'_> {
         self.begin("weld")?;
         let (mut welded, mut account) = mesh::weld(imported).map_err(|e| e.in_file(self.input))?;
         let mut gone = Vec::new();
-        if welded.triangles.len() > decimate::MANY && !textures.has_images() {
+        let most = self.options.decimate_above;
+        if welded.triangles.len() > most && !textures.has_images() {
             self.begin("decimate")?;
             let (min, max) = bounds(&welded.positions);
             let target = self.options.error_rel * (max - min).length();
-            (account.decimated, gone) = decimate::decimate(&mut welded, target, decimate::ENOUGH);
+            (account.decimated, gone) = decimate::decimate(&mut welded, target, most / 2);
         }
         self.begin("manifold")?;
         let mesh = mesh::orient(welded, &mut account);

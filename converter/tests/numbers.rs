@@ -49,6 +49,45 @@ fn a_vertex_that_is_not_finite() {
     }
 }
 
+/// Decimated first where there are far more triangles than its error asks for: what is reported holds for the input as it was.
+#[test]
+fn far_more_triangles_than_the_error_asks_for() {
+    let mut state = 7_u64;
+    let mut random = || {
+        state = state
+            .wrapping_mul(6_364_136_223_846_793_005)
+            .wrapping_add(1);
+        (state >> 33) as f64 / f64::from(1_u32 << 31) - 0.5
+    };
+    let mut model = torus(400, 250);
+    for position in &mut model.positions {
+        *position += 2e-4 * DVec3::new(random(), random(), random());
+    }
+    let given = Options {
+        decimate_above: 60_000,
+        ..options(1e-3)
+    };
+    let report = convert_model(&model, &given).unwrap();
+    assert_eq!(report.input.triangles, 200_000);
+    let left = 200_000 - report.input.decimated;
+    assert!((20_000..60_000).contains(&left), "{left} triangles left");
+    assert_eq!(
+        (report.input.boundary_loops, report.input.components),
+        (0, 1)
+    );
+    // What is left of all of them is nearer to the target than to nothing.
+    assert!(report.error.rms_rel > 5e-4, "{report:?}");
+    let whole = convert_model(&model, &options(1e-3)).unwrap();
+    assert_eq!(whole.input.decimated, 0);
+    let bytes = |report: &Report| report.output.bytes as f64;
+    assert!(
+        bytes(&report) < 1.3 * bytes(&whole),
+        "{} {}",
+        bytes(&report),
+        bytes(&whole)
+    );
+}
+
 /// Refused: there is no surface.
 #[test]
 fn nothing_finite() {

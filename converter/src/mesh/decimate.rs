@@ -1,6 +1,6 @@
 //! Fewer triangles where a mesh has far more than its conversion can use.
 //!
-//! A mesh of more than [`MANY`] triangles loses edges, the shortest first, that are shorter than those of [`ENOUGH`] equal
+//! A mesh of more than [`MANY`] triangles loses edges, the shortest first, that are shorter than those of half as many equal
 //! triangles on its area: one vertex takes the place of two, where the planes of the source's triangles ask for it
 //! (Garland & Heckbert, "Surface Simplification Using Quadric Error Metrics", 1997). A collapse must keep three promises: the
 //! surface stays what it is topologically (the link condition of Dey, Edelsbrunner, Guha & Nekhayev, "Topology preserving edge
@@ -24,10 +24,8 @@ use collapse::{Collapsed, Limits};
 use glam::DVec3;
 use rayon::prelude::*;
 
-/// Triangles up to which a mesh is left alone.
+/// Triangles up to which a mesh is left alone; about half as many are left of a larger one that is smooth.
 pub const MANY: usize = 2_000_000;
-/// About what is left of a larger one that is smooth, and not much noisier than the target.
-pub const ENOUGH: usize = 1_000_000;
 
 /// Root of the mean squared distance to the planes of merged triangles, over the target.
 const RMS_OVER_TARGET: f64 = 0.2;

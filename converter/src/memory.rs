@@ -4,9 +4,9 @@
 //! there; and while a conversion runs, a thread of its own watches the resident set and has the process ended shortly
 //! before it would pass the ceiling ([`watch`]).
 //!
-//! Limits: nothing is moved to disk, so what does not fit is refused. What is taken within 10 ms may pass the ceiling by
-//! more than the reserve where that is less than some MiB. Where the system does not tell the resident set, the
-//! last check is missing.
+//! Limits: nothing is moved to disk, so what does not fit is refused; [`mod@decimate`] is what makes huge scans fit. What is
+//! taken within 10 ms may pass the ceiling by more than the reserve where that is less than some MiB. Where the system does
+//! not tell the resident set, the last check is missing.
 
 use crate::mesh::decimate;
 use crate::process;

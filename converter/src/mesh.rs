@@ -28,10 +28,18 @@ use glam::DVec3;
 /// No vertex, half-edge or face.
 pub const NONE: u32 = u32::MAX;
 
+/// Coordinates up to this, either way, are taken for places: squares of areas made of them are still numbers.
+pub const FARTHEST: f64 = 1e70;
+
+/// Whether a position is a place: finite, and no farther along any axis than [`FARTHEST`].
+pub fn is_place(position: DVec3) -> bool {
+    position.is_finite() && position.abs().max_element() <= FARTHEST
+}
+
 /// A mesh as an importer read it: polygons triangulated, nothing welded, nothing dropped yet.
 #[derive(Debug, Clone, Default)]
 pub struct ImportedMesh {
-    /// Vertex positions, input units. May hold non-finite numbers.
+    /// Vertex positions, input units. May hold what is no place ([`is_place`]).
     pub positions: Vec<DVec3>,
     /// Vertex sRGB colours, as many as positions, or empty.
     pub colours: Vec<[u8; 3]>,
@@ -41,7 +49,7 @@ pub struct ImportedMesh {
     pub appearance: Appearance,
 }
 
-/// A mesh in which every position occurs once: all corners are finite, every triangle has three different ones, and
+/// A mesh in which every position occurs once: all corners are places, every triangle has three different ones, and
 /// every vertex is used.
 #[derive(Debug, Clone, Default)]
 pub struct WeldedMesh {

@@ -415,7 +415,7 @@ impl Conversion<'_> {
     }
 
     fn refuse_non_finite(&self, mesh: &ImportedMesh) -> Result<(), ConvertError> {
-        let mut bad = (0..mesh.positions.len()).filter(|&v| !mesh.positions[v].is_finite());
+        let mut bad = (0..mesh.positions.len()).filter(|&v| !mesh::is_place(mesh.positions[v]));
         match bad.next() {
             Some(first) if !self.options.allow_worse => Err(ConvertError::NotFinite {
                 path: self.input.to_owned(),

@@ -28,7 +28,7 @@ fn refused(model: &Model) -> ConvertError {
 /// Refused, naming the vertex; with `--allow-worse` the triangles at it are left out, with the reason.
 #[test]
 fn a_vertex_that_is_not_finite() {
-    for bad in [f64::NAN, f64::INFINITY, f64::NEG_INFINITY] {
+    for bad in [f64::NAN, f64::INFINITY, f64::NEG_INFINITY, -1.2e182] {
         for axis in 0..3 {
             let mut model = torus(32, 16);
             model.positions[77][axis] = bad;

@@ -14,7 +14,7 @@ use std::fmt;
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 #[non_exhaustive]
 pub enum Reason {
-    /// A corner is NaN or infinite.
+    /// A corner is NaN, infinite, or absurdly far ([`is_place`](super::is_place)).
     NonFinite,
     /// Two corners have the same position.
     Degenerate,

@@ -5,7 +5,7 @@
 //! (Garland & Heckbert, "Surface Simplification Using Quadric Error Metrics", 1997). A collapse must keep three promises: the
 //! surface stays what it is topologically (the link condition of Dey, Edelsbrunner, Guha & Nekhayev, "Topology preserving edge
 //! contraction", 1999), the mean square of the distance to the source's planes stays a small part of the target, and the
-//! guaranteed distance stays within it ([`collapse`]). Detail that the target asks for therefore stays, however fine.
+//! guaranteed distance stays within it (`change`). Detail that the target asks for therefore stays, however fine.
 //!
 //! It works block by block, runs of triangles along a Morton curve, with the vertices held that a block shares; a second pass
 //! with other blocks takes what the first had to hold. Blocks are independent, so that any number of threads gives the same
@@ -13,6 +13,7 @@
 //!
 //! Limits: border vertices and those of non-manifold edges stay; meshes with colours of vertices stay as they are.
 
+mod change;
 mod collapse;
 mod quadric;
 #[cfg(test)]

@@ -8,7 +8,7 @@
 
 use super::account::{Account, Reason, total_area};
 use super::adjacency::{EdgeTable, UnionFind, end, id, start};
-use super::{ImportedMesh, NONE, WeldedMesh};
+use super::{ImportedMesh, NONE, WeldedMesh, is_place};
 use glam::DVec3;
 use rayon::prelude::*;
 
@@ -30,7 +30,7 @@ pub fn exact(mesh: ImportedMesh, account: &mut Account) -> WeldedMesh {
     triangles.retain_mut(|t| {
         let corners = t.map(|v| positions[v as usize]);
         *t = t.map(|v| first[v as usize]);
-        let reason = if corners.iter().any(|corner| !corner.is_finite()) {
+        let reason = if !corners.into_iter().all(is_place) {
             Reason::NonFinite
         } else if has_equal_corners(*t) {
             Reason::Degenerate

@@ -66,7 +66,7 @@ pub enum ConvertError {
     },
     /// Vertices without a place.
     #[error(
-        "{path}: vertex {first} (counted from 0) is not finite (NaN or infinite), as {count} in all are; \
+        "{path}: vertex {first} (counted from 0) is not finite (NaN, infinite or beyond 1e70), as {count} in all are; \
          repair the file, or drop the triangles that touch them with --allow-worse"
     )]
     NotFinite {

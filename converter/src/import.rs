@@ -46,7 +46,7 @@ pub struct ImportReport {
     pub vertices: u64,
     /// Faces left out because they have fewer than three distinct corners.
     pub faces_without_area: u64,
-    /// Vertices with a coordinate that is not finite; [`crate::mesh::weld`] drops the triangles that touch them.
+    /// Vertices with a coordinate that is not finite; [`mod@crate::mesh::weld`] drops the triangles that touch them.
     pub non_finite_vertices: u64,
 }
 

@@ -1,6 +1,6 @@
 //! Triangle meshes between import and segmentation.
 //!
-//! [`prepare`] is the whole way: [`weld`] finds the vertices, [`mod@decimate`] takes away triangles that a huge mesh has to
+//! [`prepare`] is the whole way: [`mod@weld`] finds the vertices, [`mod@decimate`] takes away triangles that a huge mesh has to
 //! spare, `t_junction` joins edges that meet along their length, [`duplicates`] finds what is there twice, [`mod@manifold`]
 //! the oriented surface, and [`account`] keeps the books.
 

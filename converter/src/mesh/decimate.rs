@@ -20,7 +20,7 @@ mod quadric;
 mod tests;
 
 use super::adjacency::id;
-use super::{NONE, WeldedMesh};
+use super::{NONE, WeldedMesh, weld};
 use collapse::{Collapsed, Limits};
 use glam::DVec3;
 use rayon::prelude::*;
@@ -76,7 +76,7 @@ pub fn decimate(mesh: &mut WeldedMesh, target: f64, enough: usize) -> (Decimated
             gone = pass.gone;
         }
     }
-    compact(mesh);
+    weld::drop_unused(&mut mesh.positions, &mut mesh.triangles);
     decimated.triangles = before.0 - mesh.triangles.len();
     decimated.area = before.1 - area(mesh);
     (decimated, gone)
@@ -179,23 +179,4 @@ fn spread(cell: u64) -> u64 {
 
 fn area(mesh: &WeldedMesh) -> f64 {
     super::account::total_area(&mesh.positions, &mesh.triangles)
-}
-
-/// Drops vertices that no triangle has.
-fn compact(mesh: &mut WeldedMesh) {
-    let mut number = vec![NONE; mesh.positions.len()];
-    for &v in mesh.triangles.as_flattened() {
-        number[v as usize] = 0;
-    }
-    let mut count = 0;
-    for (v, number) in number.iter_mut().enumerate().filter(|(_, n)| **n != NONE) {
-        *number = count;
-        mesh.positions[count as usize] = mesh.positions[v];
-        count += 1;
-    }
-    mesh.positions.truncate(count as usize);
-    mesh.positions.shrink_to_fit();
-    for v in mesh.triangles.as_flattened_mut() {
-        *v = number[*v as usize];
-    }
 }

@@ -117,22 +117,7 @@ fn compact(
     first: &[u32],
     mut triangles: Vec<[u32; 3]>,
 ) -> WeldedMesh {
-    let mut number = vec![NONE; positions.len()];
-    for v in triangles.iter().flatten() {
-        number[*v as usize] = 0;
-    }
-    // Both in place: they are most of what memory there is to take.
-    let mut count = 0;
-    for (v, n) in number.iter_mut().enumerate().filter(|(_, n)| **n != NONE) {
-        *n = id(count);
-        positions[count] = positions[v];
-        count += 1;
-    }
-    positions.truncate(count);
-    positions.shrink_to_fit();
-    for v in triangles.iter_mut().flatten() {
-        *v = number[*v as usize];
-    }
+    let number = drop_unused(&mut positions, &mut triangles);
     let mut welded = WeldedMesh {
         positions,
         colours: Vec::new(),
@@ -155,6 +140,26 @@ fn compact(
             .collect();
     }
     welded
+}
+
+/// Drops positions that no triangle has, in place, and keeps the order of the others; their new numbers, by the old ones.
+pub(super) fn drop_unused(positions: &mut Vec<DVec3>, triangles: &mut [[u32; 3]]) -> Vec<u32> {
+    let mut number = vec![NONE; positions.len()];
+    for &v in triangles.as_flattened() {
+        number[v as usize] = 0;
+    }
+    let mut count = 0;
+    for (v, n) in number.iter_mut().enumerate().filter(|(_, n)| **n != NONE) {
+        *n = id(count);
+        positions[count] = positions[v];
+        count += 1;
+    }
+    positions.truncate(count);
+    positions.shrink_to_fit();
+    for v in triangles.as_flattened_mut() {
+        *v = number[*v as usize];
+    }
+    number
 }
 
 /// Position bits with −0 made +0.

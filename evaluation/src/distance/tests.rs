@@ -335,3 +335,26 @@ fn stray_vertices_are_no_surface() {
     .unwrap();
     assert!(found.hausdorff() < 1e-12);
 }
+
+#[test]
+fn points_above_a_triangle_are_as_far_as_they_are_high() {
+    let positions = [DVec3::ZERO, DVec3::X, DVec3::Y];
+    let mesh = Mesh {
+        positions: &positions,
+        triangles: &[[0, 1, 2]],
+    };
+    // More than a chunk of them; the last lies beyond a corner.
+    let mut points = vec![DVec3::new(0.25, 0.25, 3.0); 5000];
+    points.push(DVec3::new(-3.0, 0.0, 4.0));
+    let found = from_points(&points, mesh).unwrap();
+    assert!((found.max - 5.0).abs() < 1e-12, "{found:?}");
+    let rms = ((5000.0 * 9.0 + 25.0) / 5001.0_f64).sqrt();
+    assert!((found.rms - rms).abs() < 1e-12, "{found:?}");
+    let none = from_points(&[], mesh).unwrap();
+    assert_eq!((none.max.to_bits(), none.rms.to_bits()), (0, 0));
+    let empty = Mesh {
+        triangles: &[],
+        ..mesh
+    };
+    assert!(matches!(from_points(&points, empty), Err(MeshError::Empty)));
+}

@@ -60,27 +60,26 @@ impl Change {
             return false;
         }
         let [a, b] = [kept, gone].map(|v| block.positions[v as usize]);
-        if block.held[kept as usize] {
-            return self.plan_at(block, kept, gone, a);
-        }
-        let middle = a.midpoint(b);
         let mut quadric = block.quadrics[kept as usize];
         quadric += block.quadrics[gone as usize];
+        let limit = block.limits.rms.powi(2);
+        let mut may_be_at = |place: DVec3| {
+            quadric.mean_square(place) <= limit && self.plan_at(block, kept, gone, place)
+        };
+        if block.held[kept as usize] {
+            return may_be_at(a);
+        }
+        let middle = a.midpoint(b);
         let best = quadric.best(middle);
         let is_near = best.distance_squared(middle) <= a.distance_squared(b);
         // Where noise is all there is, planes say little.
-        is_near && self.plan_at(block, kept, gone, best) || self.plan_at(block, kept, gone, middle)
+        is_near && may_be_at(best) || may_be_at(middle)
     }
 
     /// Whether `gone` and `kept` may become one at `place`.
     fn plan_at(&mut self, block: &Block, kept: u32, gone: u32, place: DVec3) -> bool {
         self.place = place;
         let is_held = block.held[kept as usize];
-        let mut quadric = block.quadrics[kept as usize];
-        quadric += block.quadrics[gone as usize];
-        if quadric.mean_square(place) > block.limits.rms.powi(2) {
-            return false;
-        }
         let Some(normal) = self.normal(block, kept, gone) else {
             return false;
         };

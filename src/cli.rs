@@ -82,7 +82,7 @@ pub(crate) fn run() -> ExitCode {
         Ok(Ok(Verdict::Good)) => ExitCode::SUCCESS,
         Ok(Ok(Verdict::Bad)) => ExitCode::FAILURE,
         Ok(Err(error)) => {
-            output::complain(&format!("error: {error:#}"));
+            output::complain(&format!("error: {}", output::with_causes(&error)));
             ExitCode::FAILURE
         }
         Err(panic) => {

@@ -24,7 +24,7 @@ mod tighten;
 use crate::atlas::patch::{Attributes, Border, Patch};
 use crate::parameterize::Parametrization;
 use errors::Bound;
-use glam::DVec3;
+use glam::{DVec2, DVec3};
 use locate::{Bins, Raster};
 pub(crate) use points::SourcePoint;
 use surfaces::{Image, Source};
@@ -239,11 +239,33 @@ impl<'a> Sampler<'a> {
         )
     }
 
+    /// Triangles that may touch a window, and their boxes in its cells: lowest and highest corner.
+    pub(crate) fn boxes(&self, window: Window) -> Vec<(u32, [DVec2; 2])> {
+        let scale = f64::from(1u32 << window.resolution);
+        let origin = DVec2::new(f64::from(window.x), f64::from(window.y));
+        let of_triangle = |triangle: u32| {
+            let corners = self.patch.triangles[triangle as usize];
+            let [a, b, c] = corners.map(|v| self.parametrization.uv[v as usize] * scale - origin);
+            (triangle, [a.min(b).min(c), a.max(b).max(c)])
+        };
+        let touching = self.bins.touching(window);
+        touching.into_iter().map(of_triangle).collect()
+    }
+
     /// Calls `emit` with points of the source in a window.
     pub(crate) fn visit_points(&self, window: Window, emit: impl FnMut(&SourcePoint)) {
-        let triangles = self.bins.touching(window);
+        self.visit_points_of(window, &self.bins.touching(window), emit);
+    }
+
+    /// Calls `emit` with points of some triangles in a window.
+    pub(crate) fn visit_points_of(
+        &self,
+        window: Window,
+        triangles: &[u32],
+        emit: impl FnMut(&SourcePoint),
+    ) {
         let source = Source::new(self.patch, &self.parametrization.uv);
-        points::visit_points(&source, window, &triangles, emit);
+        points::visit_points(&source, window, triangles, emit);
     }
 
     /// Estimates where a window is drawn with 2^k cells a side, for the last `count` of k = 0..=log2 `window.cells`; those

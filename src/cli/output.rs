@@ -67,6 +67,19 @@ pub(super) fn complain(text: &str) {
     let _ = writeln!(io::stderr().lock(), "{text}");
 }
 
+/// An error and its causes, each once: those that a message quotes are not said again.
+pub(super) fn with_causes(error: &anyhow::Error) -> String {
+    let mut causes = error.chain().map(ToString::to_string);
+    let mut text = causes.next().unwrap_or_default();
+    for cause in causes.filter(|cause| !cause.is_empty()) {
+        if !text.contains(&cause) {
+            text.push_str(": ");
+            text.push_str(&cause);
+        }
+    }
+    text
+}
+
 /// Writes a file that appears under its name complete, or not at all.
 pub(super) fn write_file(
     path: &Path,
@@ -91,6 +104,17 @@ pub(super) fn bytes(count: u64) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_cause_is_said_once() {
+        let cause = io::Error::other("disk full");
+        let quoted = format!("a.ply: cannot be read: {cause}");
+        let error = anyhow::Error::new(cause).context(quoted).context("convert");
+        assert_eq!(
+            with_causes(&error),
+            "convert: a.ply: cannot be read: disk full"
+        );
+    }
 
     #[test]
     fn a_file_that_fails_half_way_leaves_nothing_behind() {

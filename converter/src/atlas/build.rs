@@ -27,6 +27,12 @@ const AIM: f64 = 0.94;
 const MEASURED_AIM: f64 = 0.96;
 /// Part of the squared error that a fit is first expected to leave.
 const EXPECTED_LEFT: f64 = 0.4;
+/// How much closer than the goal a next try aims.
+const CLOSER: f64 = 1.03;
+/// Least factor between what two tries ask for.
+const LEAST_STEP: f64 = 1.1;
+/// Powers of the survey's error that the fit's is taken for.
+const POWERS: [f64; 2] = [0.7, 2.0];
 /// Depths tried at most.
 const ATTEMPTS: usize = 6;
 /// A fit that had to be undone at more than this part of the points is measured before it is believed: where tangent planes
@@ -138,10 +144,10 @@ pub fn build(
     let area = survey.area.max(f64::MIN_POSITIVE);
     // Caps are sampled as if they were source.
     let goal = (AIM * surface.target).powi(2) - surface.cap_squares / area;
-    let mut left = EXPECTED_LEFT;
+    let mut tries: Vec<Try> = Vec::new();
     let mut finest: Option<Finest> = None;
     for attempt in 0..ATTEMPTS {
-        let (depth, unfitted) = survey.choose(goal / left, most_samples)?;
+        let (depth, unfitted) = survey.choose(asked(&tries, goal), most_samples)?;
         if finest.as_ref().is_some_and(|last| last.depth == depth) {
             break;
         }
@@ -167,13 +173,7 @@ pub fn build(
         if reached <= goal && (reached >= WASTEFUL * goal || attempt > 0) {
             break;
         }
-        // A little more, or it may come near the goal for ever.
-        let found_left = 1.03 * reached / unfitted.max(f64::MIN_POSITIVE);
-        left = if reached > goal {
-            found_left.max(1.1 * left)
-        } else {
-            found_left
-        };
+        tries.push(Try { unfitted, reached });
     }
     let Some(mut finest) = finest else {
         return Some(Atlas::default());
@@ -206,6 +206,39 @@ pub fn build(
         points: finest.joined.len() as u64,
         kept: finest.kept,
     })
+}
+
+/// A depth that was tried: mean squared errors of the samples as the survey knows them, and of the fitted surface.
+#[derive(Debug, Clone, Copy)]
+struct Try {
+    unfitted: f64,
+    reached: f64,
+}
+
+/// What the survey is asked for, so that the fit reaches `goal`: squared errors.
+///
+/// The error that is reached is taken for a power of the other, through the last two tries.
+fn asked(tries: &[Try], goal: f64) -> f64 {
+    let Some(last) = tries.last() else {
+        return goal / EXPECTED_LEFT;
+    };
+    let before = tries.len().checked_sub(2).map(|at| tries[at]);
+    let power = before.map_or(1.0, |before| {
+        let power = (last.reached / before.reached).ln() / (last.unfitted / before.unfitted).ln();
+        if power.is_nan() {
+            1.0
+        } else {
+            power.clamp(POWERS[0], POWERS[1])
+        }
+    });
+    // A little more, or it may come near the goal for ever.
+    let wanted = goal / (CLOSER * last.reached);
+    let next = last.unfitted * wanted.powf(1.0 / power);
+    if wanted < 1.0 {
+        next.min(last.unfitted / LEAST_STEP)
+    } else {
+        next
+    }
 }
 
 /// Largest error of the leaves, lattice units.
@@ -314,7 +347,7 @@ impl Finest {
             source.extend_from_slice(&patch.positions);
             source_triangles.extend(patch.triangles.iter().map(|t| t.map(|v| first + v)));
         }
-        let measured = distance::measure(
+        distance::rms(
             distance::Mesh {
                 positions: &positions,
                 triangles: &triangles,
@@ -324,8 +357,8 @@ impl Finest {
                 triangles: &source_triangles,
             },
             MEASURED_SAMPLES,
-        );
-        measured.ok().map(|measured| measured.rms())
+        )
+        .ok()
     }
 }
 

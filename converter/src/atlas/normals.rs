@@ -5,6 +5,9 @@
 //! place: a pit of a few triangles would else be a dark spot as wide as two cells. Where cells are hardly larger than triangles the
 //! mean would show their facets, and what is between the vertices' normals is taken as it is. Samples of one point share their normal
 //! across borders.
+//!
+//! Triangles around samples that have too few of them are passed over, which saves most of the work where the image is finer than
+//! the source.
 
 use super::leaves::{Leaf, Points};
 use super::survey::window_of;
@@ -19,6 +22,13 @@ const CANCELLED: f64 = 0.3;
 
 /// Up to the first number of triangles around a sample the mean counts nothing, from the second on it is all.
 const TRIANGLES: [f64; 2] = [12.0, 24.0];
+
+/// Fewer triangles than this at a sample on a leaf's side are passed over: what is summed there over all leaves that share it
+/// stays below the first of [`TRIANGLES`].
+const ON_A_SIDE: u32 = 3;
+
+/// What boxes are widened by, in cells, against rounding.
+const MARGIN: f64 = 1e-6;
 
 /// A sum of normals.
 #[derive(Debug, Clone, Copy)]
@@ -117,7 +127,9 @@ pub(super) fn filtered(
 fn sums(samplers: &[Sampler<'_>], leaf: Leaf) -> Vec<Sum> {
     let cells = leaf.cells();
     let mut sums = vec![Sum::default(); (cells + 1).pow(2)];
-    samplers[leaf.node.chart.0 as usize].visit_points(window_of(leaf), |point| {
+    let sampler = &samplers[leaf.node.chart.0 as usize];
+    let triangles = crowded(&sampler.boxes(window_of(leaf)), cells);
+    sampler.visit_points_of(window_of(leaf), &triangles, |point| {
         let most = (cells - 1) as f64;
         let cell = point.place.floor().clamp(DVec2::ZERO, DVec2::splat(most));
         let within = point.place - cell;
@@ -137,6 +149,75 @@ fn sums(samplers: &[Sampler<'_>], leaf: Leaf) -> Vec<Sum> {
     sums
 }
 
+/// The triangles that add to a sample which may have enough of them, given all that touch a leaf and their boxes.
+fn crowded(boxes: &[(u32, [DVec2; 2])], cells: usize) -> Vec<u32> {
+    let side = cells + 1;
+    // Samples of the cells that a box lies in, first and last, along u and v.
+    #[expect(
+        clippy::cast_possible_truncation,
+        clippy::cast_sign_loss,
+        reason = "clamped to the cells of a leaf; NaN becomes 0"
+    )]
+    let samples = |[low, high]: [DVec2; 2]| {
+        let last = (cells - 1) as f64;
+        let first = (low - MARGIN)
+            .floor()
+            .clamp(DVec2::ZERO, DVec2::splat(last));
+        let end = (high + MARGIN)
+            .floor()
+            .clamp(DVec2::ZERO, DVec2::splat(last));
+        [
+            [first.x as usize, end.x as usize + 1],
+            [first.y as usize, end.y as usize + 1],
+        ]
+    };
+    // Triangles at every sample, from the corners of boxes: sums over all before, along both axes.
+    let mut changes = vec![0i32; (side + 1).pow(2)];
+    for &(_, bounds) in boxes {
+        let [[x0, x1], [y0, y1]] = samples(bounds);
+        changes[y0 * (side + 1) + x0] += 1;
+        changes[y0 * (side + 1) + x1 + 1] -= 1;
+        changes[(y1 + 1) * (side + 1) + x0] -= 1;
+        changes[(y1 + 1) * (side + 1) + x1 + 1] += 1;
+    }
+    sum_up(&mut changes, side + 1);
+    // Crowded samples before each, along both axes.
+    let mut before = vec![0i32; (side + 1).pow(2)];
+    for y in 0..side {
+        for x in 0..side {
+            let ends = usize::from(x % cells == 0) + usize::from(y % cells == 0);
+            let least = [TRIANGLES[0], f64::from(ON_A_SIDE), 1.0][ends];
+            let is_crowded = f64::from(changes[y * (side + 1) + x]) >= least;
+            before[(y + 1) * (side + 1) + x + 1] = i32::from(is_crowded);
+        }
+    }
+    sum_up(&mut before, side + 1);
+    let near_crowd = |bounds: [DVec2; 2]| {
+        let [[x0, x1], [y0, y1]] = samples(bounds);
+        let at = |x: usize, y: usize| before[y * (side + 1) + x];
+        at(x1 + 1, y1 + 1) - at(x0, y1 + 1) - at(x1 + 1, y0) + at(x0, y0) > 0
+    };
+    boxes
+        .iter()
+        .filter(|&&(_, bounds)| near_crowd(bounds))
+        .map(|&(triangle, _)| triangle)
+        .collect()
+}
+
+/// Sums of all values before and at each place, along both axes of a square grid.
+fn sum_up(values: &mut [i32], side: usize) {
+    for at in 0..values.len() {
+        let left = if at % side > 0 { values[at - 1] } else { 0 };
+        let below = if at >= side { values[at - side] } else { 0 };
+        let both = if at % side > 0 && at >= side {
+            values[at - side - 1]
+        } else {
+            0
+        };
+        values[at] += left + below - both;
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -144,6 +225,7 @@ mod tests {
     use crate::atlas::leaves::leaves_of;
     use crate::parameterize::Parametrization;
     use crate::parameterize::test_patches::bumpy;
+    use crate::resample::Window;
 
     const CELLS: usize = 48;
 
@@ -196,5 +278,25 @@ mod tests {
         for normal in normals(|x, _| 0.5 * x, 7) {
             assert!(normal.z > 0.999, "{normal}");
         }
+    }
+
+    #[test]
+    fn triangles_around_samples_with_too_few_of_them_are_passed_over() {
+        let patch = bumpy(CELLS, 0.0, 1, |_, _| 0.0);
+        let uv = patch.positions.iter().map(|p| p.truncate()).collect();
+        let parametrization = Parametrization {
+            uv,
+            flipped: 0,
+            stretch: 1.0,
+        };
+        let sampler = Sampler::new(&patch, &parametrization);
+        let crowded = |resolution: u8| {
+            let boxes = sampler.boxes(Window::whole(resolution));
+            assert_eq!(boxes.len(), patch.triangles.len());
+            crowded(&boxes, 1 << resolution)
+        };
+        // 18 triangles a cell, then a third of one; on the sides there may be enough together with the neighbour's.
+        assert_eq!(crowded(4).len(), patch.triangles.len());
+        assert!(crowded(7).len() < patch.triangles.len() / 5);
     }
 }

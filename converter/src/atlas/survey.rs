@@ -39,6 +39,8 @@ const MOST_RAISE: f64 = 2.0;
 const HOPELESS: f64 = 0.9;
 /// A place whose RMS error is at most so many targets is good, also where the whole surface cannot be.
 const GOOD: f64 = 0.3;
+/// Triangles of a chart for each triangle of its image, on average, at the resolution that is tried first.
+const FIRST_LOAD: usize = 4;
 /// Rounds of growing trees at most; each goes one level deeper.
 const ROUNDS: usize = 24;
 /// Halvings of the interval of log λ.
@@ -130,7 +132,7 @@ impl<'a> Survey<'a> {
             .map(|chart| {
                 let triangles = surface.patches[chart].triangles.len();
                 let resolution = (3..PAGE_RESOLUTION)
-                    .find(|&r| (2usize << (2 * r)) >= triangles)
+                    .find(|&r| (2usize << (2 * r)) >= triangles / FIRST_LOAD)
                     .unwrap_or(PAGE_RESOLUTION);
                 let mut trials = Trials::default();
                 let area = try_root(surface, &samplers[chart], chart, resolution, &mut trials);
@@ -155,6 +157,7 @@ impl<'a> Survey<'a> {
         let goal = goal * self.area;
         // Mending the largest error lowers the mean one too, which then needs less by itself.
         let mut mean_goal = goal;
+        let (mut met, mut missed) = (goal, f64::INFINITY);
         let mut best = None;
         for _ in 0..PASSES {
             let mut depth = Depth::default();
@@ -172,13 +175,18 @@ impl<'a> Survey<'a> {
             self.mend_worst(&mut depth);
             let squares = self.squares(&depth);
             if best.is_some() && squares > goal {
-                break;
+                missed = mean_goal;
+            } else {
+                met = mean_goal;
+                best = Some((depth, squares));
+                if squares > ENOUGH * goal {
+                    break;
+                }
+                mean_goal *= (goal / squares).min(MOST_RAISE);
             }
-            best = Some((depth, squares));
-            if squares > ENOUGH * goal {
-                break;
+            if mean_goal >= missed {
+                mean_goal = (met * missed).sqrt();
             }
-            mean_goal *= (goal / squares).min(MOST_RAISE);
         }
         let (depth, squares) = best.unwrap_or_default();
         (count(&depth) <= most).then(|| (depth, squares / self.area.max(f64::MIN_POSITIVE)))
@@ -448,7 +456,7 @@ impl Trials {
     }
 }
 
-/// Tries the root at all resolutions up to one; the area of the chart.
+/// Tries the root at all resolutions up to one that have not been tried; the area of the chart.
 fn try_root(
     surface: &Surface<'_>,
     sampler: &Sampler<'_>,
@@ -458,19 +466,24 @@ fn try_root(
 ) -> f64 {
     let window = Window::whole(resolution);
     let positions = sampler.positions(surface.borders, window);
-    let estimates = sampler.estimates(window, &positions, usize::from(resolution) + 1);
     let fine = surface.target * f64::from(1u32 << resolution) >= extent(&positions);
-    trials.roots = (0u8..)
-        .zip(&estimates)
-        .map(|(r, estimate)| Trial {
-            squares: estimate.squares,
-            area: estimate.area,
-            worst: estimate
-                .worst
-                .max(surface.open_border_error(root_of(chart), r)),
-            deeper: !fine,
-        })
-        .collect();
+    for known in &mut trials.roots {
+        known.deeper = !fine;
+    }
+    let first = trials.roots.len();
+    let count = (usize::from(resolution) + 1).saturating_sub(first);
+    let estimates = sampler.estimates(window, &positions, count);
+    trials
+        .roots
+        .extend((0u8..).skip(first).zip(&estimates).map(|(r, estimate)| {
+            let border = surface.open_border_error(root_of(chart), r);
+            Trial {
+                squares: estimate.squares,
+                area: estimate.area,
+                worst: estimate.worst.max(border),
+                deeper: !fine,
+            }
+        }));
     estimates.last().map_or(0.0, |estimate| estimate.area)
 }
 

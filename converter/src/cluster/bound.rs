@@ -39,25 +39,42 @@ impl<'a> Target<'a> {
         self.descend(corners, enough, DEPTH)
     }
 
-    /// Upper bound of the distance from every point of a mesh, if that is at most `most`; else some number above `most`.
-    pub fn distance_of(&self, positions: &[DVec3], triangles: &[[u32; 3]], most: f64) -> f64 {
+    /// Upper bound of the distance from every point of a mesh; no effort is made to get below `enough`, and none is made once it is above
+    /// `most`. `vertices` is what [`Self::nearest_of`] says of it.
+    fn distance_of(
+        &self,
+        vertices: &[Option<Nearest>],
+        triangles: &[[u32; 3]],
+        enough: f64,
+        most: f64,
+    ) -> f64 {
         let mut largest = 0.0f64;
-        let mut known: Vec<Option<Nearest>> = vec![None; positions.len()];
         for t in triangles {
-            let mut hint = None;
-            let corners = t.map(|v| {
-                let slot = &mut known[v as usize];
-                let nearest =
-                    *slot.get_or_insert_with(|| self.nearest(positions[v as usize], hint));
-                hint = nearest.triangle;
-                nearest
-            });
-            largest = largest.max(self.descend(corners, largest, DEPTH));
+            let [Some(a), Some(b), Some(c)] = t.map(|v| vertices[v as usize]) else {
+                return f64::INFINITY;
+            };
+            let bound = self.descend([a, b, c], enough.max(largest), DEPTH);
+            largest = largest.max(bound);
             if largest > most {
                 break;
             }
         }
         largest
+    }
+
+    /// What is nearest to each vertex that a triangle has.
+    fn nearest_of(&self, positions: &[DVec3], triangles: &[[u32; 3]]) -> Vec<Option<Nearest>> {
+        let mut known: Vec<Option<Nearest>> = vec![None; positions.len()];
+        for t in triangles {
+            let mut hint = None;
+            for &v in t {
+                let slot = &mut known[v as usize];
+                let nearest =
+                    *slot.get_or_insert_with(|| self.nearest(positions[v as usize], hint));
+                hint = nearest.triangle;
+            }
+        }
+        known
     }
 
     /// What is nearest to a point, which may be near the triangle `hint`.
@@ -161,9 +178,25 @@ pub fn hausdorff(
     let (Some(to_first), Some(to_second)) = targets else {
         return f64::INFINITY;
     };
-    let forward = to_second.distance_of(first.0, first.1, most);
-    if forward > most {
-        return forward;
+    let (forward, backward) = (
+        to_second.nearest_of(first.0, first.1),
+        to_first.nearest_of(second.0, second.1),
+    );
+    // The distance is at least what is seen at vertices, so there is no use in knowing better of what is nearer.
+    let seen = forward
+        .iter()
+        .chain(&backward)
+        .flatten()
+        .fold(0.0, |seen: f64, nearest| seen.max(nearest.distance));
+    if seen > most {
+        return seen;
     }
-    forward.max(to_first.distance_of(second.0, second.1, most))
+    let enough = LOOSENESS * seen;
+    let bound = to_second.distance_of(&forward, first.1, enough, most);
+    if bound > most {
+        return bound;
+    }
+    bound
+        .max(to_first.distance_of(&backward, second.1, enough, most))
+        .max(seen)
 }

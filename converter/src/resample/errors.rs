@@ -14,6 +14,8 @@ use super::tighten::{Surface, bound, unit_normal};
 use super::{GridError, Window};
 use crate::atlas::patch::Patch;
 use glam::{DVec2, DVec3};
+use std::cmp::Ordering;
+use std::collections::BinaryHeap;
 
 /// The bound is raised by this fraction against rounding.
 const ROUNDING: f64 = 1e-9;
@@ -71,6 +73,36 @@ pub(super) enum Bound {
     Tight,
 }
 
+/// A triangle, and the largest squared gap over it.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Loose {
+    square: f64,
+    triangle: u32,
+}
+
+impl Ord for Loose {
+    /// By the gap; of equal ones the first triangle is the largest.
+    fn cmp(&self, other: &Self) -> Ordering {
+        self.square
+            .total_cmp(&other.square)
+            .then(other.triangle.cmp(&self.triangle))
+    }
+}
+
+impl PartialOrd for Loose {
+    fn partial_cmp(&self, other: &Self) -> Option<Ordering> {
+        Some(self.cmp(other))
+    }
+}
+
+impl PartialEq for Loose {
+    fn eq(&self, other: &Self) -> bool {
+        self.cmp(other).is_eq()
+    }
+}
+
+impl Eq for Loose {}
+
 /// The error of one image.
 fn error(
     source: &Source,
@@ -104,11 +136,14 @@ fn error(
                 from = to;
             }
         });
-        loose.push((farthest, triangle));
+        loose.push(Loose {
+            square: farthest,
+            triangle,
+        });
     }
     let most = loose
         .iter()
-        .fold(0.0f64, |most, &(square, _)| most.max(square))
+        .fold(0.0f64, |most, loose| most.max(loose.square))
         .sqrt()
         .max(plane);
     let max = match bound {
@@ -133,16 +168,17 @@ fn mean_square([a, b, c]: [f64; 3]) -> f64 {
 fn tightened(
     source: &Source,
     image: &Image,
-    loose: &mut Vec<(f64, u32)>,
+    loose: &mut Vec<Loose>,
     plane: f64,
     most: f64,
     scratch: &mut Scratch,
 ) -> f64 {
     let mut max = plane;
     let threshold = (plane * TIGHT_ENOUGH).powi(2);
-    loose.retain(|&(square, _)| square > threshold);
-    loose.sort_unstable_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
-    for &(square, triangle) in loose.iter() {
+    loose.retain(|loose| loose.square > threshold);
+    // Few of them are looked at, so they are not sorted.
+    let mut queue = BinaryHeap::from(std::mem::take(loose));
+    while let Some(Loose { square, triangle }) = queue.pop() {
         if square <= (max * TIGHT_ENOUGH).powi(2) {
             return max.max(square.sqrt());
         }

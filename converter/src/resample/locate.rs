@@ -240,6 +240,7 @@ fn blend(corners: [DVec3; 3], weights: [f64; 3]) -> DVec3 {
 /// Triangles by the squares of (u, v) that their bounding boxes touch.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Bins {
+    count: u32,
     side: u32,
     starts: Vec<u32>,
     triangles: Vec<u32>,
@@ -280,6 +281,7 @@ impl Bins {
             });
         }
         Self {
+            count: u32::try_from(triangles.len()).unwrap_or(u32::MAX),
             side,
             starts,
             triangles: sorted,
@@ -298,6 +300,9 @@ impl Bins {
             place(window.x + window.cells),
             place(window.y + window.cells),
         ];
+        if bounds == [0, 0, self.side - 1, self.side - 1] {
+            return (0..self.count).collect();
+        }
         let mut found = Vec::new();
         for_each_bin(bounds, self.side, |at| {
             let range = self.starts[at] as usize..self.starts[at + 1] as usize;

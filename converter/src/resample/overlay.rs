@@ -7,6 +7,7 @@
 //!
 //! Points in space are carried through the cuts, not recomputed from (u, v): needles there have no useful gradients.
 
+use super::errors::Loose;
 use super::polygon::{Corner, Polygon};
 use super::surfaces::{Half, Image, Source};
 use glam::{DVec2, DVec3};
@@ -35,74 +36,85 @@ pub(super) fn visit(
     {
         return;
     }
-    let ([x0, x1], [y0, y1]) = (
-        image.cell_range(low.x, high.x),
-        image.cell_range(low.y, high.y),
-    );
-    if x0 == x1 && y0 == y1 && low.min_element() >= 0.0 && high.max_element() <= end {
-        let cell = DVec2::new(f64::from(x0), f64::from(y0));
-        let sides = corners.map(|corner| above_diagonal(corner.place - cell));
-        if sides.iter().all(|&side| side <= 0.0) {
-            return emit(
-                Half {
-                    x: x0,
-                    y: y0,
-                    upper: false,
-                },
-                &corners,
-            );
-        }
-        if sides.iter().all(|&side| side >= 0.0) {
-            return emit(
-                Half {
-                    x: x0,
-                    y: y0,
-                    upper: true,
-                },
-                &corners,
-            );
-        }
+    // References are swapped, not what they refer to.
+    let [mut rest, mut row, mut row_rest, mut cell, mut spare] = scratch.polygons.each_mut();
+    rest.set(corners);
+    let [y0, y1] = image.cell_range(low.y, high.y);
+    if low.y < f64::from(y0) {
+        rest.cut(above(1, y0), snap(1, y0), spare, row);
+        std::mem::swap(&mut rest, &mut row);
     }
-    let [rest, row, row_rest, cell, cell_rest] = &mut scratch.polygons;
-    let horizontal = |line: f64| {
-        (
-            move |c: &Place| c.place.y - line,
-            move |c: &mut Place| c.place.y = line,
-        )
-    };
-    let vertical = |line: f64| {
-        (
-            move |c: &Place| c.place.x - line,
-            move |c: &mut Place| c.place.x = line,
-        )
-    };
-    row.set(corners);
-    cut(row, horizontal(f64::from(y0)), cell, rest);
     for y in y0..=y1 {
-        cut(rest, horizontal(f64::from(y + 1)), row, row_rest);
-        std::mem::swap(rest, row_rest);
-        cut(row, vertical(f64::from(x0)), cell, row_rest);
+        if y == y1 && high.y <= f64::from(y1 + 1) {
+            std::mem::swap(&mut rest, &mut row);
+        } else {
+            rest.cut(above(1, y + 1), snap(1, y + 1), row, spare);
+            std::mem::swap(&mut rest, &mut spare);
+        }
+        let Some([left, right]) = span(row.corners()) else {
+            continue;
+        };
+        if right < 0.0 || left > end {
+            continue;
+        }
+        let [x0, x1] = image.cell_range(left, right);
+        if left < f64::from(x0) {
+            row.cut(above(0, x0), snap(0, x0), spare, row_rest);
+            std::mem::swap(&mut row, &mut row_rest);
+        }
         for x in x0..=x1 {
-            cut(row_rest, vertical(f64::from(x + 1)), cell, cell_rest);
-            std::mem::swap(row_rest, cell_rest);
-            let corner = DVec2::new(f64::from(x), f64::from(y));
-            cell.cut(|c| above_diagonal(c.place - corner), |_| (), cell_rest, row);
-            for (half, upper) in [(&*cell_rest, false), (&*row, true)] {
-                if half.corners().len() > 2 {
-                    emit(Half { x, y, upper }, half.corners());
-                }
+            if x == x1 && right <= f64::from(x1 + 1) {
+                std::mem::swap(&mut row, &mut cell);
+            } else {
+                row.cut(above(0, x + 1), snap(0, x + 1), cell, row_rest);
+                std::mem::swap(&mut row, &mut row_rest);
             }
+            halves(cell, [x, y], [row_rest, spare], &mut emit);
         }
     }
 }
 
-fn cut<H: Fn(&Place) -> f64, S: Fn(&mut Place)>(
-    polygon: &Polygon<Place>,
-    (height, snap): (H, S),
-    below: &mut Polygon<Place>,
-    above: &mut Polygon<Place>,
+/// Cuts what lies in a cell along its diagonal.
+fn halves(
+    cell: &Polygon<Place>,
+    [x, y]: [u32; 2],
+    [lower, upper]: [&mut Polygon<Place>; 2],
+    emit: &mut impl FnMut(Half, &[Place]),
 ) {
-    polygon.cut(height, snap, below, above);
+    let corner = DVec2::new(f64::from(x), f64::from(y));
+    let height = |c: &Place| above_diagonal(c.place - corner);
+    let (lower, upper) = if cell.corners().iter().all(|c| height(c) <= 0.0) {
+        (cell.corners(), [].as_slice())
+    } else if cell.corners().iter().all(|c| height(c) >= 0.0) {
+        ([].as_slice(), cell.corners())
+    } else {
+        cell.cut(height, |_| (), lower, upper);
+        (lower.corners(), upper.corners())
+    };
+    for (corners, upper) in [(lower, false), (upper, true)] {
+        if corners.len() > 2 {
+            emit(Half { x, y, upper }, corners);
+        }
+    }
+}
+
+/// The least and the largest first coordinate.
+fn span(corners: &[Place]) -> Option<[f64; 2]> {
+    let mut places = corners.iter().map(|corner| corner.place.x);
+    let first = places.next()?;
+    Some(places.fold([first; 2], |[low, high], x| [low.min(x), high.max(x)]))
+}
+
+/// Height above the grid line at `line`: along x a vertical one, along y a horizontal one.
+fn above(axis: usize, line: u32) -> impl Fn(&Place) -> f64 {
+    let line = f64::from(line);
+    move |c| c.place[axis] - line
+}
+
+/// Puts a corner on a grid line.
+fn snap(axis: usize, line: u32) -> impl Fn(&mut Place) {
+    let line = f64::from(line);
+    move |c| c.place[axis] = line
 }
 
 /// Positive above the diagonal of the cell at the origin.
@@ -135,8 +147,8 @@ impl Corner for Place {
 #[derive(Debug)]
 pub(super) struct Scratch {
     polygons: [Polygon<Place>; 5],
-    /// Squared gaps by triangle.
-    pub(super) loose: Vec<(f64, u32)>,
+    /// Triangles and their gaps.
+    pub(super) loose: Vec<Loose>,
 }
 
 impl Default for Scratch {

@@ -215,6 +215,7 @@ fn shifted_plane_is_one_shift_away() {
         triangles: &finer,
     };
     let found = measure(first, second, 10_000).unwrap();
+    assert_eq!(rms(first, second, 10_000), Ok(found.rms()));
     for way in [found.forward, found.backward] {
         assert!((way.max - 0.125).abs() < 1e-12 && (way.rms - 0.125).abs() < 1e-12);
     }

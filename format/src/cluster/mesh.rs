@@ -23,6 +23,8 @@ const WHAT: &str = "cluster";
 const CODING_RESERVED: u8 = 0b1110_0000;
 const CODING_TEXTURED: u8 = 0b0000_0100;
 const PLACES_METHOD_SHIFT: u32 = 3;
+/// From behind the last of as many vertices as there may be to the first; its code is 0, as a byte has no more.
+const BACK_TO_FIRST: usize = 256;
 
 /// How many vertices and triangles a mesh has; bounded by their types in the directory.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -262,11 +264,14 @@ fn read_triangles(codes: &[u8], count: usize, vertices: usize) -> Result<Vec<[u8
                 .get(plane.saturating_mul(count).saturating_add(index))
                 .copied()
                 .map_or(0, usize::from);
-            let vertex = next.checked_sub(code).ok_or_else(|| refuse(code))?;
+            // After the last vertex that a mesh may have no other is new, so 0 is 256 there.
+            let is_first = code == 0 && next == BACK_TO_FIRST;
+            let back = if is_first { BACK_TO_FIRST } else { code };
+            let vertex = next.checked_sub(back).ok_or_else(|| refuse(code))?;
             if vertex >= vertices {
                 return Err(refuse(vertex));
             }
-            if code == 0 {
+            if back == 0 {
                 next = next.saturating_add(1);
             }
             *corner = u8::try_from(vertex).ok().ok_or_else(|| refuse(vertex))?;
@@ -467,6 +472,29 @@ mod tests {
                         .flatten()
                 },
             )
+    }
+
+    #[test]
+    fn the_first_vertex_may_come_after_the_last() {
+        let mut triangles: Vec<[u8; 3]> = (0..85).map(|k| [3 * k, 3 * k + 1, 3 * k + 2]).collect();
+        triangles.extend([[255, 0, 1], [0, 2, 1]]);
+        let mesh = ClusterMesh {
+            positions: (0..256u32).map(|k| [k, k * k, 7]).collect(),
+            normals: vec![[128; 2]; 256],
+            triangles,
+            ..ClusterMesh::default()
+        };
+        assert_eq!(in_order(&mesh).as_ref(), Some(&mesh));
+        let coding = Coding {
+            shift: 0,
+            has_colours: false,
+        };
+        let (bytes, _) = encode(coding, &mesh).unwrap();
+        let counts = Counts {
+            vertices: 256,
+            triangles: 87,
+        };
+        assert_eq!(decode(coding, counts, &bytes).unwrap(), mesh);
     }
 
     proptest! {

@@ -6,7 +6,9 @@
 
 pub(crate) mod directory;
 pub(crate) mod mesh;
+mod predict;
 mod texture;
+mod walk;
 
 pub use texture::{ClusterTexture, MAX_TEXTURE_TEXELS, TEXTURE_STEP};
 

@@ -62,7 +62,7 @@ pub struct ChartInput {
 /// One node of the cluster tree, as the converter made it.
 #[derive(Debug, Clone, Default)]
 pub struct ClusterInput {
-    /// Its triangles, 1 to 256 with at most 256 vertices; the writer orders the vertices anew.
+    /// Its triangles, 1 to 256 with at most 256 vertices; the writer orders triangles and vertices anew.
     pub mesh: ClusterMesh,
     /// As [`ClusterNode::error`](crate::ClusterNode::error); never above the parent's.
     pub error: f32,

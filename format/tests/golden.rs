@@ -19,13 +19,14 @@ use marquetry_format::*;
 use std::path::PathBuf;
 use support::*;
 
-const NAMES: [&str; 6] = [
+const NAMES: [&str; 7] = [
     "clusters_without_charts",
     "coloured_strip_with_clusters",
     "coloured_strip",
     "cube_of_mixed_resolutions",
     "moebius",
     "torus_with_children",
+    "walked_clusters",
 ];
 
 fn model(name: &str) -> Vec<u8> {
@@ -46,7 +47,9 @@ fn model(name: &str) -> Vec<u8> {
             };
             return model.write_with(&clusters(10, false)).unwrap();
         }
-        "coloured_strip_with_clusters" => return plain.write_with(&clusters(10, true)).unwrap(),
+        "walked_clusters" | "coloured_strip_with_clusters" => {
+            return plain.write_with(&clusters(10, true)).unwrap();
+        }
         "coloured_strip" => plain,
         "cube_of_mixed_resolutions" => Model {
             glue: cube_glue(),

@@ -454,15 +454,11 @@ fn clusters_survive_with_and_without_charts() {
         let nodes = in_levels(&root);
         assert_eq!(meshes.len(), nodes.len());
         for ((given, read), (id, node)) in nodes.iter().zip(&meshes).zip((0..).zip(&tree.nodes)) {
-            let corners = |mesh: &ClusterMesh| -> Vec<_> {
-                let corner = |&v: &u8| {
-                    let v = usize::from(v);
-                    let colour = mesh.colours.get(v).copied();
-                    (mesh.positions[v], mesh.normals[v], colour)
-                };
-                mesh.triangles.as_flattened().iter().map(corner).collect()
+            let triangles = |mesh: &ClusterMesh| {
+                let colour = |v: usize| mesh.colours.get(v).copied();
+                triangles_of(mesh, |v| (mesh.positions[v], mesh.normals[v], colour(v)))
             };
-            assert_eq!(corners(&given.mesh), corners(read));
+            assert_eq!(triangles(&given.mesh), triangles(read));
             assert!(node.error >= given.error && node.error <= given.error * 1.001);
             assert_eq!(node.children.len(), given.children.len());
             for child in node.children.clone() {

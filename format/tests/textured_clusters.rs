@@ -62,12 +62,11 @@ fn textures_survive() {
                 continue;
             };
             assert!(texel >= given_texel && texel < 1.1 * given_texel);
-            let corners = |mesh: &ClusterMesh| -> Vec<_> {
+            let triangles = |mesh: &ClusterMesh| {
                 let places = &mesh.texture.as_ref().unwrap().places;
-                let corner = |&v: &u8| (mesh.positions[usize::from(v)], places[usize::from(v)]);
-                mesh.triangles.as_flattened().iter().map(corner).collect()
+                triangles_of(mesh, |v| (mesh.positions[v], places[v]))
             };
-            assert_eq!(corners(&given.mesh), corners(mesh));
+            assert_eq!(triangles(&given.mesh), triangles(mesh));
             let texels = mesh.texture.as_ref().unwrap().decode().unwrap();
             assert_eq!((texels.width, texels.height), (16, 24));
             let at = |i: usize, j: usize| &texels.rgb[3 * (16 * j + i)..][..3];

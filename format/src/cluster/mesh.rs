@@ -1,13 +1,13 @@
 //! Coding of one cluster's mesh.
 //!
-//! Vertices come in the order in which the triangles use them first, so an index is coded by how far it is behind the
-//! number that the next new vertex gets: mostly small, and 0 for a new vertex. Positions, normals and colours are stored
-//! against those of the corner before, which shares a triangle with them; so are places on a texture, whose key frame comes
-//! last.
+//! Triangles are told as a walk over the mesh ([`super::walk`]), which numbers the vertices and says what each is predicted by
+//! ([`super::predict`]); positions, normals, colours and places on a texture are stored as what they differ from that. The texture's key
+//! frame comes last. Payloads of earlier writers name all corners, and predict by the corner before.
 
-use super::{ClusterMesh, ClusterTexture};
 #[cfg(not(target_arch = "wasm32"))]
-use super::{MAX_CLUSTER_TRIANGLES, MAX_CLUSTER_VERTICES};
+use super::MAX_CLUSTER_TRIANGLES;
+use super::walk::{self, Prediction, Walk};
+use super::{ClusterMesh, ClusterTexture, predict};
 use crate::Error;
 use crate::bytes::Cursor;
 use crate::codec::packing::{self, Method};
@@ -19,12 +19,12 @@ use crate::codec::sample::{Colour, Normal, Position, Sample};
 use crate::lattice::LATTICE_BITS;
 
 const WHAT: &str = "cluster";
-/// Second byte: planes of the positions less one, whether there is a texture, how its places are packed.
-const CODING_RESERVED: u8 = 0b1110_0000;
+/// Second byte: planes of the positions less one, whether there is a texture, how its places are packed, whether the triangles
+/// are a walk.
+const CODING_RESERVED: u8 = 0b1100_0000;
+const CODING_WALK: u8 = 0b0010_0000;
 const CODING_TEXTURED: u8 = 0b0000_0100;
 const PLACES_METHOD_SHIFT: u32 = 3;
-/// From behind the last of as many vertices as there may be to the first; its code is 0, as a byte has no more.
-const BACK_TO_FIRST: usize = 256;
 
 /// How many vertices and triangles a mesh has; bounded by their types in the directory.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -36,6 +36,8 @@ pub(crate) struct Counts {
 struct Streams<'a> {
     methods: [Method; 4],
     planes: usize,
+    /// Corners of a walk that are given by their numbers; `None` without a walk.
+    given: Option<usize>,
     bodies: [&'a [u8]; 4],
     /// How places are packed, these, and the frame.
     texture: Option<(Method, &'a [u8], &'a [u8])>,
@@ -70,6 +72,7 @@ impl<'a> Streams<'a> {
         let mut length = || -> Result<usize, Error> {
             Ok(usize::try_from(cursor.leb128()?).unwrap_or(usize::MAX))
         };
+        let given = (coding & CODING_WALK != 0).then(&mut length).transpose()?;
         let [triangles, positions, normals] = [length()?, length()?, length()?];
         let is_textured = coding & CODING_TEXTURED != 0;
         let texture_lengths = if is_textured {
@@ -102,6 +105,7 @@ impl<'a> Streams<'a> {
         Ok(Self {
             methods,
             planes,
+            given,
             bodies: [triangles, positions, normals, colours],
             texture,
         })
@@ -123,215 +127,200 @@ pub(crate) fn decode(coding: Coding, counts: Counts, bytes: &[u8]) -> Result<Clu
         })?;
         packing::unpack(WHAT, method, body, length)
     };
-    let triangles = read_triangles(
-        &stream(0, triangles.saturating_mul(3))?,
-        triangles,
-        vertices,
-    )?;
-    let positions = stream(1, vertices.saturating_mul(streams.planes).saturating_mul(3))?;
-    let normals = stream(2, vertices.saturating_mul(2))?;
-    let colours = if coding.has_colours { vertices } else { 0 };
-    let colours = stream(3, colours.saturating_mul(3))?;
-    let texture = streams.texture;
-    let mut texture = texture
-        .map(|(method, places, frame)| TextureReader::unpack(method, places, vertices, frame))
-        .transpose()?;
-
-    let mut mesh = ClusterMesh::default();
-    let limit = 1i32 << LATTICE_BITS.saturating_sub(u32::from(coding.shift));
-    let mut before: Option<usize> = None;
-    for &corner in triangles.as_flattened() {
-        let vertex = usize::from(corner);
-        if vertex == mesh.positions.len() {
-            let code = |component: usize| {
-                (0..streams.planes)
-                    .zip([0, 8, 16])
-                    .fold(0, |code, (plane, shift)| {
-                        let index = plane
-                            .saturating_mul(3)
-                            .saturating_add(component)
-                            .saturating_mul(vertices)
-                            .saturating_add(vertex);
-                        let byte = positions.get(index).copied().unwrap_or_default();
-                        code | u32::from(byte) << shift
-                    })
-            };
-            let byte = |stream: &[u8], component: usize| {
-                let index = component.saturating_mul(vertices).saturating_add(vertex);
-                i32::from(stream.get(index).copied().unwrap_or_default())
-            };
-            let outside = || Error::Value {
-                what: "position of a cluster's vertex",
-                found: vertex as u64,
-            };
-            let shift = u32::from(coding.shift);
-            let near = before
-                .and_then(|near| mesh.positions.get(near))
-                .map_or(Position::default(), |point| {
-                    Position(point.map(|c| (c >> shift).cast_signed()))
-                });
-            let residual = [code(0), code(1), code(2)].map(unzigzag);
-            let Position(point) = Position::restore(near, residual).ok_or_else(outside)?;
-            if point.iter().any(|&c| c >= limit) {
-                return Err(outside());
-            }
-            mesh.positions
-                .push(point.map(|c| c.cast_unsigned() << shift));
-            let near = before
-                .and_then(|near| mesh.normals.get(near))
-                .map_or(Normal::default(), |&normal| Normal(normal));
-            let residual = [byte(&normals, 0), byte(&normals, 1), 0];
-            let Normal(normal) = Normal::restore(near, residual).ok_or_else(outside)?;
-            mesh.normals.push(normal);
-            if coding.has_colours {
-                let near = before
-                    .and_then(|near| mesh.colours.get(near))
-                    .map_or(Colour::default(), |&colour| Colour(colour));
-                let residual = [byte(&colours, 0), byte(&colours, 1), byte(&colours, 2)];
-                let Colour(colour) = Colour::restore(near, residual).ok_or_else(outside)?;
-                mesh.colours.push(colour);
-            }
-            if let Some(texture) = &mut texture {
-                texture.read(vertex, before);
-            }
+    let walk = if let Some(given) = streams.given {
+        if given > triangles.saturating_mul(3) {
+            return Err(Error::Value {
+                what: WHAT,
+                found: given as u64,
+            });
         }
-        before = Some(vertex);
-    }
-    mesh.triangles = triangles;
-    mesh.texture = texture.map(TextureReader::finish).transpose()?;
-    Ok(mesh)
-}
-
-/// Reads the places of a texture, vertex by vertex.
-struct TextureReader<'a> {
-    /// Columns of all vertices, then rows, each against those of the vertex before.
-    codes: Vec<u8>,
-    vertices: usize,
-    places: Vec<[u8; 2]>,
-    frame: &'a [u8],
-}
-
-impl<'a> TextureReader<'a> {
-    fn unpack(
-        method: Method,
-        body: &[u8],
-        vertices: usize,
-        frame: &'a [u8],
-    ) -> Result<Self, Error> {
-        Ok(Self {
-            codes: packing::unpack(WHAT, method, body, vertices.saturating_mul(2))?,
+        let codes = stream(0, triangles.saturating_add(given))?;
+        let (operations, given) = codes.split_at_checked(triangles).unwrap_or_default();
+        walk::read(operations, given, vertices)?
+    } else {
+        read_corners(
+            &stream(0, triangles.saturating_mul(3))?,
+            triangles,
             vertices,
-            places: Vec::with_capacity(vertices),
-            frame,
-        })
-    }
-
-    /// Reads the place of the next vertex, which is predicted by that of vertex `before`.
-    fn read(&mut self, vertex: usize, before: Option<usize>) {
-        let near = before.and_then(|near| self.places.get(near)).copied();
-        let [column, row] = near.unwrap_or_default();
-        let code = |component: usize| {
-            let index = component
-                .saturating_mul(self.vertices)
-                .saturating_add(vertex);
-            self.codes.get(index).copied().unwrap_or_default()
-        };
-        let place = [column.wrapping_add(code(0)), row.wrapping_add(code(1))];
-        self.places.push(place);
-    }
-
-    fn finish(self) -> Result<ClusterTexture, Error> {
-        let texture = ClusterTexture {
-            places: self.places,
-            frame: self.frame.to_vec(),
-        };
-        texture.check()?;
-        Ok(texture)
-    }
-}
-
-/// From three planes of codes: how far each corner is behind the next new vertex.
-fn read_triangles(codes: &[u8], count: usize, vertices: usize) -> Result<Vec<[u8; 3]>, Error> {
-    let refuse = |found: usize| Error::Value {
-        what: "corner of a cluster's triangle",
-        found: found as u64,
+        )?
     };
-    let mut triangles = vec![[0u8; 3]; count];
-    let mut next = 0usize;
-    for (index, triangle) in triangles.iter_mut().enumerate() {
-        for (plane, corner) in triangle.iter_mut().enumerate() {
-            let code = codes
-                .get(plane.saturating_mul(count).saturating_add(index))
-                .copied()
-                .map_or(0, usize::from);
-            // After the last vertex that a mesh may have no other is new, so 0 is 256 there.
-            let is_first = code == 0 && next == BACK_TO_FIRST;
-            let back = if is_first { BACK_TO_FIRST } else { code };
-            let vertex = next.checked_sub(back).ok_or_else(|| refuse(code))?;
-            if vertex >= vertices {
-                return Err(refuse(vertex));
-            }
-            if back == 0 {
-                next = next.saturating_add(1);
-            }
-            *corner = u8::try_from(vertex).ok().ok_or_else(|| refuse(vertex))?;
-        }
-        let [a, b, c] = *triangle;
-        if a == b || b == c || c == a {
-            return Err(refuse(usize::from(a)));
-        }
-    }
-    if next != vertices {
-        return Err(Error::Mismatch {
-            what: "vertices of a cluster",
-            expected: vertices as u64,
-            found: next as u64,
-        });
-    }
-    Ok(triangles)
+    let positions = stream(1, vertices.saturating_mul(streams.planes).saturating_mul(3))?;
+    let positions = read_positions(coding, &positions, streams.planes, &walk.predictions)?;
+    let normals = stream(2, vertices.saturating_mul(2))?;
+    let faced = (streams.given.is_some()).then(|| predict::normals(&positions, &walk.triangles));
+    let normals = read_normals(&normals, &walk.predictions, faced.as_deref())?;
+    let coloured = if coding.has_colours { vertices } else { 0 };
+    let colours = read_colours(
+        &stream(3, coloured.saturating_mul(3))?,
+        walk.predictions.get(..coloured).unwrap_or_default(),
+    )?;
+    let texture = streams.texture.map(|(method, places, frame)| {
+        let codes = packing::unpack(WHAT, method, places, vertices.saturating_mul(2))?;
+        read_texture(&codes, &walk.predictions, frame)
+    });
+    let shift = u32::from(coding.shift);
+    Ok(ClusterMesh {
+        positions: positions
+            .iter()
+            .map(|point| point.0.map(|c| c.cast_unsigned() << shift))
+            .collect(),
+        normals,
+        colours,
+        triangles: walk.triangles,
+        texture: texture.transpose()?,
+    })
 }
 
-/// `mesh` with its vertices in the order in which the triangles use them first; those that none uses are dropped.
+/// A byte of a plane.
+fn byte(codes: &[u8], plane: usize, vertices: usize, vertex: usize) -> u8 {
+    let index = plane.saturating_mul(vertices).saturating_add(vertex);
+    codes.get(index).copied().unwrap_or_default()
+}
+
+fn read_positions(
+    coding: Coding,
+    codes: &[u8],
+    planes: usize,
+    predictions: &[Prediction],
+) -> Result<Vec<Position>, Error> {
+    let vertices = predictions.len();
+    let limit = 1i32 << LATTICE_BITS.saturating_sub(u32::from(coding.shift));
+    let mut positions: Vec<Position> = Vec::with_capacity(vertices);
+    for (vertex, &prediction) in predictions.iter().enumerate() {
+        let code = |component: usize| {
+            (0..planes).zip([0, 8, 16]).fold(0, |code, (plane, shift)| {
+                let plane = plane.saturating_mul(3).saturating_add(component);
+                code | u32::from(byte(codes, plane, vertices, vertex)) << shift
+            })
+        };
+        let outside = || Error::Value {
+            what: "position of a cluster's vertex",
+            found: vertex as u64,
+        };
+        let residual = [code(0), code(1), code(2)].map(unzigzag);
+        let near = predict::position(prediction, &positions);
+        let position = Position::restore(near, residual).ok_or_else(outside)?;
+        if position.0.iter().any(|&c| c >= limit) {
+            return Err(outside());
+        }
+        positions.push(position);
+    }
+    Ok(positions)
+}
+
+/// Normals that are predicted by the triangles (`faced`), or else by vertices before.
+fn read_normals(
+    codes: &[u8],
+    predictions: &[Prediction],
+    faced: Option<&[Normal]>,
+) -> Result<Vec<[u8; 2]>, Error> {
+    let vertices = predictions.len();
+    let mut normals: Vec<[u8; 2]> = Vec::with_capacity(vertices);
+    for (vertex, &prediction) in predictions.iter().enumerate() {
+        let near = match (faced, prediction) {
+            (Some(faced), _) => faced.get(vertex).copied(),
+            (None, Prediction::Near(before)) => {
+                normals.get(usize::from(before)).copied().map(Normal)
+            }
+            (None, _) => None,
+        };
+        let residual = [0, 1].map(|plane| i32::from(byte(codes, plane, vertices, vertex)));
+        let [u, v] = residual;
+        let normal = Normal::restore(near.unwrap_or_default(), [u, v, 0]);
+        normals.push(normal.ok_or_else(|| wrong("normal", vertex))?.0);
+    }
+    Ok(normals)
+}
+
+fn read_colours(codes: &[u8], predictions: &[Prediction]) -> Result<Vec<[u8; 3]>, Error> {
+    let vertices = predictions.len();
+    let mut colours: Vec<[u8; 3]> = Vec::with_capacity(vertices);
+    for (vertex, &prediction) in predictions.iter().enumerate() {
+        let residual = [0, 1, 2].map(|plane| i32::from(byte(codes, plane, vertices, vertex)));
+        let colour = Colour::restore(predict::colour(prediction, &colours), residual);
+        colours.push(colour.ok_or_else(|| wrong("colour", vertex))?.0);
+    }
+    Ok(colours)
+}
+
+fn wrong(what: &'static str, vertex: usize) -> Error {
+    Error::Value {
+        what,
+        found: vertex as u64,
+    }
+}
+
+/// A texture, from columns of all vertices, then rows.
+fn read_texture(
+    codes: &[u8],
+    predictions: &[Prediction],
+    frame: &[u8],
+) -> Result<ClusterTexture, Error> {
+    let vertices = predictions.len();
+    let mut places: Vec<[u8; 2]> = Vec::with_capacity(vertices);
+    for (vertex, &prediction) in predictions.iter().enumerate() {
+        let [column, row] = predict::place(prediction, &places);
+        places.push([
+            column.wrapping_add(byte(codes, 0, vertices, vertex)),
+            row.wrapping_add(byte(codes, 1, vertices, vertex)),
+        ]);
+    }
+    let texture = ClusterTexture {
+        places,
+        frame: frame.to_vec(),
+    };
+    texture.check()?;
+    Ok(texture)
+}
+
+/// From three planes of codes: how far each corner is behind the next new vertex. Every vertex is predicted by the corner before it.
+fn read_corners(codes: &[u8], count: usize, vertices: usize) -> Result<Walk, Error> {
+    let mut walk = Walk::default();
+    for index in 0..count {
+        let mut before = walk.by_last();
+        let mut triangle = [0u8; 3];
+        for (plane, corner) in triangle.iter_mut().enumerate() {
+            let vertex = walk.vertex(byte(codes, plane, count, index))?;
+            *corner = walk.corner(vertex, vertices, before)?;
+            before = Prediction::Near(*corner);
+        }
+        walk.push(triangle)?;
+    }
+    walk.finish(vertices)
+}
+
+/// `mesh` with its triangles in the order in which they are told, and its vertices in the order in which these use them first; those that none
+/// uses are dropped.
 ///
-/// `None` when a triangle names a vertex that does not exist.
+/// `None` when a triangle names a vertex that does not exist, or one twice.
 #[cfg(not(target_arch = "wasm32"))]
 pub(crate) fn in_order(mesh: &ClusterMesh) -> Option<ClusterMesh> {
-    let mut numbers: [Option<u8>; MAX_CLUSTER_VERTICES] = [None; MAX_CLUSTER_VERTICES];
-    let mut ordered = ClusterMesh {
-        texture: mesh.texture.as_ref().map(|texture| ClusterTexture {
-            places: Vec::new(),
-            frame: texture.frame.clone(),
-        }),
-        ..ClusterMesh::default()
-    };
-    for triangle in &mesh.triangles {
-        let mut corners = [0u8; 3];
-        for (corner, &vertex) in corners.iter_mut().zip(triangle) {
-            let slot = numbers.get_mut(usize::from(vertex))?;
-            *corner = if let Some(number) = *slot {
-                number
-            } else {
-                let number = u8::try_from(ordered.positions.len()).ok()?;
-                ordered
-                    .positions
-                    .push(*mesh.positions.get(usize::from(vertex))?);
-                ordered
-                    .normals
-                    .push(*mesh.normals.get(usize::from(vertex))?);
-                if !mesh.colours.is_empty() {
-                    ordered
-                        .colours
-                        .push(*mesh.colours.get(usize::from(vertex))?);
-                }
-                if let (Some(to), Some(from)) = (&mut ordered.texture, &mesh.texture) {
-                    to.places.push(*from.places.get(usize::from(vertex))?);
-                }
-                *slot.insert(number)
-            };
-        }
-        ordered.triangles.push(corners);
+    fn pick<T: Copy>(values: &[T], order: &[u8]) -> Option<Vec<T>> {
+        let value = |&vertex: &u8| values.get(usize::from(vertex)).copied();
+        order.iter().map(value).collect()
     }
-    Some(ordered)
+    let told = walk::tell(&mesh.triangles).ok()?;
+    let texture = mesh.texture.as_ref().map(|texture| {
+        Some(ClusterTexture {
+            places: pick(&texture.places, &told.order)?,
+            frame: texture.frame.clone(),
+        })
+    });
+    Some(ClusterMesh {
+        positions: pick(&mesh.positions, &told.order)?,
+        normals: pick(&mesh.normals, &told.order)?,
+        colours: if mesh.colours.is_empty() {
+            Vec::new()
+        } else {
+            pick(&mesh.colours, &told.order)?
+        },
+        triangles: told.walk.triangles,
+        texture: if let Some(texture) = texture {
+            Some(texture?)
+        } else {
+            None
+        },
+    })
 }
 
 /// Codes a mesh that is [`in_order`] and keeps the rules of the format.
@@ -346,32 +335,46 @@ pub(crate) fn in_order(mesh: &ClusterMesh) -> Option<ClusterMesh> {
 pub(crate) fn encode(coding: Coding, mesh: &ClusterMesh) -> Result<(Vec<u8>, PartBytes), Error> {
     use crate::codec::payload::zigzag;
     debug_assert!(mesh.triangles.len() <= MAX_CLUSTER_TRIANGLES);
-    let (mut codes, mut positions, mut normals, mut colours) =
-        (Vec::new(), Vec::new(), Vec::new(), Vec::new());
-    let mut places: Vec<[u8; 2]> = Vec::new();
-    let mut before: Option<usize> = None;
-    for &corner in mesh.triangles.as_flattened() {
-        let vertex = usize::from(corner);
-        codes.push((positions.len() - vertex) as u8);
-        if vertex == positions.len() {
-            let units =
-                |v: usize| Position(mesh.positions[v].map(|c| (c >> coding.shift).cast_signed()));
-            let near = before.map_or(Position::default(), units);
-            positions.push(units(vertex).residual(near).map(zigzag));
-            let near = before.map_or(Normal::default(), |v| Normal(mesh.normals[v]));
-            normals.push(Normal(mesh.normals[vertex]).residual(near));
-            if coding.has_colours {
-                let near = before.map_or(Colour::default(), |v| Colour(mesh.colours[v]));
-                colours.push(Colour(mesh.colours[vertex]).residual(near));
-            }
-            if let Some(texture) = &mesh.texture {
-                let [i, j] = texture.places[vertex];
-                let [near_i, near_j] = before.map_or([0; 2], |near| texture.places[near]);
-                places.push([i.wrapping_sub(near_i), j.wrapping_sub(near_j)]);
-            }
-        }
-        before = Some(vertex);
-    }
+    let walk::Told {
+        operations,
+        given,
+        walk,
+        ..
+    } = walk::tell(&mesh.triangles)?;
+    debug_assert_eq!(walk.triangles, mesh.triangles);
+    let predictions = || walk.predictions.iter().copied().enumerate();
+    let units: Vec<Position> = mesh
+        .positions
+        .iter()
+        .map(|point| Position(point.map(|c| (c >> coding.shift).cast_signed())))
+        .collect();
+    let positions: Vec<[u32; 3]> = predictions()
+        .map(|(v, prediction)| {
+            let near = predict::position(prediction, &units);
+            units[v].residual(near).map(zigzag)
+        })
+        .collect();
+    let normals: Vec<[i32; 3]> = predict::normals(&units, &mesh.triangles)
+        .into_iter()
+        .zip(&mesh.normals)
+        .map(|(near, &normal)| Normal(normal).residual(near))
+        .collect();
+    let colours: Vec<[i32; 3]> = predictions()
+        .take(mesh.colours.len())
+        .map(|(v, prediction)| {
+            let near = predict::colour(prediction, &mesh.colours);
+            Colour(mesh.colours[v]).residual(near)
+        })
+        .collect();
+    let places: Vec<[u8; 2]> = mesh.texture.as_ref().map_or_else(Vec::new, |texture| {
+        predictions()
+            .map(|(v, prediction)| {
+                let [near_i, near_j] = predict::place(prediction, &texture.places);
+                let [i, j] = texture.places[v];
+                [i.wrapping_sub(near_i), j.wrapping_sub(near_j)]
+            })
+            .collect()
+    });
     let largest = positions.iter().flatten().copied().max().unwrap_or(0);
     let planes = match largest {
         0..0x100 => 1u8,
@@ -379,9 +382,8 @@ pub(crate) fn encode(coding: Coding, mesh: &ClusterMesh) -> Result<(Vec<u8>, Par
         _ => 3,
     };
     let mut bodies: [Vec<u8>; 4] = Default::default();
-    for corner in 0..3 {
-        bodies[0].extend(codes.iter().skip(corner).step_by(3));
-    }
+    bodies[0].extend(operations);
+    bodies[0].extend(&given);
     for plane in 0..planes {
         for component in 0..3 {
             bodies[1].extend(
@@ -402,7 +404,7 @@ pub(crate) fn encode(coding: Coding, mesh: &ClusterMesh) -> Result<(Vec<u8>, Par
         methods |= (method as u8) << (2 * index);
         *body = packed;
     }
-    let mut coding = planes - 1;
+    let mut coding = (planes - 1) | CODING_WALK;
     let mut texture = [Vec::new(), Vec::new()];
     if let Some(ClusterTexture { frame, .. }) = &mesh.texture {
         let [columns, rows] = [0, 1].map(|k: usize| places.iter().map(move |place| place[k]));
@@ -411,7 +413,8 @@ pub(crate) fn encode(coding: Coding, mesh: &ClusterMesh) -> Result<(Vec<u8>, Par
         texture = [packed, frame.clone()];
     }
     let mut out = vec![methods, coding];
-    let mut lengths: Vec<usize> = bodies[..3].iter().map(Vec::len).collect();
+    let mut lengths = vec![given.len()];
+    lengths.extend(bodies[..3].iter().map(Vec::len));
     if mesh.texture.is_some() {
         lengths.extend([bodies[3].len(), texture[0].len()]);
     }
@@ -484,7 +487,8 @@ mod tests {
             triangles,
             ..ClusterMesh::default()
         };
-        assert_eq!(in_order(&mesh).as_ref(), Some(&mesh));
+        let mesh = in_order(&mesh).unwrap();
+        assert_eq!(mesh.triangles.last(), Some(&[255, 0, 1]));
         let coding = Coding {
             shift: 0,
             has_colours: false,

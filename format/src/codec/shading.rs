@@ -67,26 +67,36 @@ impl Prediction {
 /// The normal that the neighbours' positions span; at the grid's border the sample stands for the one missing.
 fn surface_normal(positions: &Grid<Position>, Odd { i, j }: Odd) -> Option<Normal> {
     let last = positions.side() - 1;
-    let difference = |Position([a, b, c]): Position, Position([d, e, f]): Position| {
-        [
-            i64::from(a) - i64::from(d),
-            i64::from(b) - i64::from(e),
-            i64::from(c) - i64::from(f),
-        ]
-    };
-    let [ax, ay, az] = difference(
+    let along_u = difference(
         positions.get((i + 1).min(last), j),
         positions.get(i.saturating_sub(1), j),
     );
-    let [bx, by, bz] = difference(
+    let along_v = difference(
         positions.get(i, (j + 1).min(last)),
         positions.get(i, j.saturating_sub(1)),
     );
-    // Differences have 22 bits, products 43.
-    let cross = [ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx];
-    let largest = cross.iter().map(|c| c.unsigned_abs()).max().unwrap_or(0);
+    lowered(cross(along_u, along_v))
+}
+
+/// From the second position to the first: 22 bits.
+pub(crate) fn difference(Position([a, b, c]): Position, Position([d, e, f]): Position) -> [i64; 3] {
+    [
+        i64::from(a) - i64::from(d),
+        i64::from(b) - i64::from(e),
+        i64::from(c) - i64::from(f),
+    ]
+}
+
+/// The cross product of two differences: 44 bits.
+pub(crate) fn cross([ax, ay, az]: [i64; 3], [bx, by, bz]: [i64; 3]) -> [i64; 3] {
+    [ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx]
+}
+
+/// The normal along a vector; `None` for zero.
+pub(crate) fn lowered(vector: [i64; 3]) -> Option<Normal> {
+    let largest = vector.iter().map(|c| c.unsigned_abs()).max().unwrap_or(0);
     let shift = (u64::BITS - largest.leading_zeros()).saturating_sub(COMPONENT_BITS);
-    octahedral::from_vector(cross.map(|c| (c >> shift) as i32)).map(Normal)
+    octahedral::from_vector(vector.map(|c| (c >> shift) as i32)).map(Normal)
 }
 
 /// Magnitude bits of a normal's components before it is coded: enough for 8-bit codes.

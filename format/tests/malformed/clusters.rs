@@ -297,24 +297,38 @@ fn tree() -> Vec<Case> {
     ]
 }
 
+fn wrong_corner(error: &Error) -> bool {
+    matches!(
+        error,
+        Error::Value {
+            what: "corner of a cluster's triangle",
+            ..
+        }
+    )
+}
+
+/// Triangles of the root: four tetrahedra, each told from a triangle that starts it.
+const TRIANGLES: usize = 16;
+
 fn root() -> Vec<Case> {
-    // Methods, planes, three lengths below 128, then the triangles, raw or packed.
-    let raw_triangles = |change: &dyn Fn(&mut [u8])| {
+    // Methods, planes, corners given and three lengths, all below 128, then operations and corners, raw or packed.
+    let raw_triangles = |change: &dyn Fn(&mut Vec<u8>)| {
         with_root(|root| {
-            let length = usize::from(root[2]);
-            let codes: Vec<u8> = match root[0] & 3 {
-                1 => root[5..5 + length].to_vec(),
+            let length = usize::from(root[3]);
+            let mut codes: Vec<u8> = match root[0] & 3 {
+                1 => root[6..6 + length].to_vec(),
                 _ => zstd::bulk::decompress(
-                    &[&[0x28, 0xb5, 0x2f, 0xfd], &root[5..5 + length]].concat(),
-                    3 * 16,
+                    &[&[0x28, 0xb5, 0x2f, 0xfd], &root[6..6 + length]].concat(),
+                    TRIANGLES + 12,
                 )
                 .unwrap(),
             };
-            let mut codes = codes;
+            assert_eq!(codes.len(), TRIANGLES + 12);
             change(&mut codes);
             root[0] = root[0] & !3 | 1;
-            root[2] = codes.len() as u8;
-            root.splice(5..5 + length, codes);
+            root[2] = (codes.len() - TRIANGLES) as u8;
+            root[3] = codes.len() as u8;
+            root.splice(6..6 + length, codes);
         })
     };
     vec![
@@ -331,7 +345,7 @@ fn root() -> Vec<Case> {
                 )
             },
         ),
-        ("cluster_reserved_bits", with_root(|r| r[1] |= 32), |e| {
+        ("cluster_reserved_bits", with_root(|r| r[1] |= 64), |e| {
             matches!(
                 e,
                 Error::Reserved {
@@ -356,12 +370,12 @@ fn root() -> Vec<Case> {
         (
             "cluster_texture_unannounced",
             with_root(|r| {
-                let before: usize = r[2..5].iter().map(|&length| usize::from(length)).sum();
-                let colours = r.len() - 5 - before;
+                let before: usize = r[3..6].iter().map(|&length| usize::from(length)).sum();
+                let colours = r.len() - 6 - before;
                 assert!(colours < 128);
                 r[1] |= 4;
                 // The places are all (0, 0), which takes no bytes.
-                r.splice(5..5, [colours as u8, 0]);
+                r.splice(6..6, [colours as u8, 0]);
                 r.extend(include_bytes!("../data/texture_16x24.vp8"));
             }),
             |e| {
@@ -401,7 +415,7 @@ fn root() -> Vec<Case> {
         ),
         (
             "cluster_corner_before_the_first",
-            raw_triangles(&|codes| codes[0] = 1),
+            raw_triangles(&|codes| codes[TRIANGLES] = 1),
             |e| {
                 matches!(
                     e,
@@ -414,7 +428,7 @@ fn root() -> Vec<Case> {
         ),
         (
             "cluster_triangle_with_equal_corners",
-            raw_triangles(&|codes| codes[16] = 1),
+            raw_triangles(&|codes| codes[TRIANGLES + 1] = 1),
             |e| {
                 matches!(
                     e,
@@ -426,14 +440,34 @@ fn root() -> Vec<Case> {
             },
         ),
         (
-            "cluster_with_unused_vertices",
-            // The last tetrahedron's triangles become those of the one before.
+            "cluster_edge_that_is_not_there",
+            raw_triangles(&|codes| codes[1] = 62 << 2),
+            wrong_corner,
+        ),
+        (
+            "cluster_start_with_a_neighbour",
+            raw_triangles(&|codes| codes[0] = 63 << 2 | 1),
+            wrong_corner,
+        ),
+        (
+            "cluster_corner_left_over",
+            raw_triangles(&|codes| codes.push(0)),
+            wrong_corner,
+        ),
+        (
+            "cluster_corner_missing",
             raw_triangles(&|codes| {
-                for plane in 0..3 {
-                    for last in 12..16 {
-                        codes[16 * plane + last] = 3 - plane as u8;
-                    }
-                }
+                codes.pop();
+            }),
+            wrong_corner,
+        ),
+        (
+            "cluster_with_unused_vertices",
+            // The last tetrahedron's triangles become one of the one before, from both sides, twice.
+            raw_triangles(&|codes| {
+                codes[12..TRIANGLES].copy_from_slice(&[63 << 2, 1, 63 << 2, 1]);
+                codes.truncate(TRIANGLES + 9);
+                codes.extend([4, 3, 2, 4, 3, 2]);
             }),
             |e| {
                 matches!(

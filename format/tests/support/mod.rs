@@ -369,6 +369,17 @@ pub fn decode_clusters(document: &Document, source: &dyn ByteSource) -> Vec<Clus
         .collect()
 }
 
+/// A mesh's triangles as what `value` says of their corners; the order of triangles, and which corner comes first, are the writer's.
+pub fn triangles_of<T: Ord + Copy>(mesh: &ClusterMesh, value: impl Fn(usize) -> T) -> Vec<[T; 3]> {
+    let turned = |t: &[u8; 3]| {
+        let [a, b, c] = t.map(|v| value(usize::from(v)));
+        [b, c, a].min([a, b, c]).min([c, a, b])
+    };
+    let mut triangles: Vec<[T; 3]> = mesh.triangles.iter().map(turned).collect();
+    triangles.sort_unstable();
+    triangles
+}
+
 pub fn open(bytes: &[u8]) -> Document {
     let source = SliceSource(bytes);
     let mut document = Document::open(&source, Limits::default()).unwrap();

@@ -1,0 +1,318 @@
+//! The order in which a cluster's triangles are told.
+//!
+//! A triangle is told by the edge that it shares with those before it, and by its third corner, which mostly is new or the
+//! next vertex along the front: the boundary of what has been told (Gumhold & Strasser, "Real time compression of triangle mesh
+//! connectivity", 1998). A new vertex is predicted to complete the parallelogram across that edge (Touma & Gotsman, "Triangle mesh
+//! compression", 1998). Meshes here have few vertices and may have several sheets at an edge, so the front is a plain list of
+//! edges.
+
+use super::MAX_CLUSTER_VERTICES;
+use crate::Error;
+
+/// Edges of the front that can be named.
+const NAMED: usize = 63;
+/// Named by a triangle that shares no edge with those before it.
+const START: u8 = 63;
+/// Bits of the third corner in an operation.
+const APEX_BITS: u32 = 2;
+/// The third corner: a new vertex,
+const NEW: u8 = 0;
+/// where the front comes from to the edge,
+const LEFT: u8 = 1;
+/// where it goes on from the edge,
+const RIGHT: u8 = 2;
+/// or given by its number.
+const GIVEN: u8 = 3;
+
+/// What a new vertex is predicted by: vertices before it.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Prediction {
+    /// Nothing.
+    Nothing,
+    /// A vertex.
+    Near(u8),
+    /// The ends of an edge, and the corner opposite to it on this side.
+    Across([u8; 3]),
+}
+
+/// Triangles in order, and what predicts each vertex.
+#[derive(Debug, Default, PartialEq, Eq)]
+pub(crate) struct Walk {
+    pub(crate) triangles: Vec<[u8; 3]>,
+    pub(crate) predictions: Vec<Prediction>,
+}
+
+/// A wrong code for a corner.
+pub(crate) fn refuse(found: usize) -> Error {
+    Error::Value {
+        what: "corner of a cluster's triangle",
+        found: found as u64,
+    }
+}
+
+impl Walk {
+    /// The vertex that `code` stands for: so far behind the next new one. 0 is a new vertex, or the first where there are as many as
+    /// there may be.
+    pub(crate) fn vertex(&self, code: u8) -> Result<usize, Error> {
+        let next = self.predictions.len();
+        if code == 0 && next < MAX_CLUSTER_VERTICES {
+            return Ok(next);
+        }
+        let back = if code == 0 {
+            MAX_CLUSTER_VERTICES
+        } else {
+            usize::from(code)
+        };
+        next.checked_sub(back).ok_or_else(|| refuse(back))
+    }
+
+    /// Takes a corner; a new one has the `prediction`.
+    pub(crate) fn corner(
+        &mut self,
+        vertex: usize,
+        vertices: usize,
+        prediction: Prediction,
+    ) -> Result<u8, Error> {
+        if vertex >= vertices {
+            return Err(refuse(vertex));
+        }
+        if vertex == self.predictions.len() {
+            self.predictions.push(prediction);
+        }
+        u8::try_from(vertex).ok().ok_or_else(|| refuse(vertex))
+    }
+
+    /// The prediction by the corner before.
+    pub(crate) fn by_last(&self) -> Prediction {
+        match self.triangles.last() {
+            Some(&[.., last]) => Prediction::Near(last),
+            None => Prediction::Nothing,
+        }
+    }
+
+    /// Takes a triangle.
+    pub(crate) fn push(&mut self, corners: [u8; 3]) -> Result<(), Error> {
+        let [a, b, c] = corners;
+        if a == b || b == c || c == a {
+            return Err(refuse(usize::from(a)));
+        }
+        self.triangles.push(corners);
+        Ok(())
+    }
+
+    /// The walk, if it met all `vertices`.
+    pub(crate) fn finish(self, vertices: usize) -> Result<Self, Error> {
+        if self.predictions.len() == vertices {
+            return Ok(self);
+        }
+        Err(Error::Mismatch {
+            what: "vertices of a cluster",
+            expected: vertices as u64,
+            found: self.predictions.len() as u64,
+        })
+    }
+}
+
+/// The boundary of what has been told: edges of its triangles, and the corner opposite to each; the newest is the last.
+#[derive(Debug, Default)]
+struct Front(Vec<[u8; 3]>);
+
+impl Front {
+    /// Adds an edge, which closes one that runs the other way.
+    fn add(&mut self, edge: [u8; 3]) {
+        let [from, to, _] = edge;
+        let twin = self.0.iter().rposition(|&[a, b, _]| a == to && b == from);
+        if let Some(twin) = twin {
+            self.0.remove(twin);
+        } else {
+            self.0.push(edge);
+        }
+    }
+
+    /// Removes the edge that is `place` edges before the newest.
+    fn take(&mut self, place: usize) -> Option<[u8; 3]> {
+        let index = self.0.len().checked_sub(place)?.checked_sub(1)?;
+        Some(self.0.remove(index))
+    }
+
+    /// Where the newest edge to `to` comes from.
+    fn before(&self, to: u8) -> Option<u8> {
+        let edge = self.0.iter().rfind(|edge| edge[1] == to);
+        edge.map(|edge| edge[0])
+    }
+
+    /// Where the newest edge from `from` goes.
+    fn after(&self, from: u8) -> Option<u8> {
+        let edge = self.0.iter().rfind(|edge| edge[0] == from);
+        edge.map(|edge| edge[1])
+    }
+
+    /// Adds all edges of a triangle, or those but the first.
+    fn add_triangle(&mut self, [a, b, c]: [u8; 3], is_start: bool) {
+        if is_start {
+            self.add([a, b, c]);
+        }
+        self.add([b, c, a]);
+        self.add([c, a, b]);
+    }
+}
+
+/// The walk that `operations` tell, one a triangle, with the vertices `given` by their numbers.
+pub(crate) fn read(operations: &[u8], given: &[u8], vertices: usize) -> Result<Walk, Error> {
+    let mut walk = Walk::default();
+    let mut front = Front::default();
+    let mut given = given.iter().copied();
+    for &operation in operations {
+        let (place, apex) = (operation >> APEX_BITS, operation & GIVEN);
+        let mut next = || given.next().ok_or_else(|| refuse(usize::from(operation)));
+        if place == START {
+            if apex != NEW {
+                return Err(refuse(usize::from(operation)));
+            }
+            let vertex = walk.vertex(next()?)?;
+            let a = walk.corner(vertex, vertices, walk.by_last())?;
+            let vertex = walk.vertex(next()?)?;
+            let b = walk.corner(vertex, vertices, Prediction::Near(a))?;
+            let vertex = walk.vertex(next()?)?;
+            let c = walk.corner(vertex, vertices, Prediction::Near(b))?;
+            walk.push([a, b, c])?;
+            front.add_triangle([a, b, c], true);
+            continue;
+        }
+        let refused = || refuse(usize::from(operation));
+        let edge = front.take(usize::from(place)).ok_or_else(refused)?;
+        let [from, to, _] = edge;
+        let vertex = match apex {
+            NEW => walk.predictions.len(),
+            LEFT => usize::from(front.before(from).ok_or_else(refused)?),
+            RIGHT => usize::from(front.after(to).ok_or_else(refused)?),
+            _ => walk.vertex(next()?)?,
+        };
+        let corner = walk.corner(vertex, vertices, Prediction::Across(edge))?;
+        walk.push([to, from, corner])?;
+        front.add_triangle([to, from, corner], false);
+    }
+    if given.next().is_some() {
+        return Err(refuse(operations.len()));
+    }
+    walk.finish(vertices)
+}
+
+/// Triangles told as [`read`] reads them.
+#[cfg(not(target_arch = "wasm32"))]
+#[derive(Debug, Default)]
+pub(crate) struct Told {
+    pub(crate) operations: Vec<u8>,
+    pub(crate) given: Vec<u8>,
+    pub(crate) walk: Walk,
+    /// By new number, the vertex it had before.
+    pub(crate) order: Vec<u8>,
+}
+
+/// Tells `triangles` in an order of its own, which telling them again does not change.
+///
+/// The vertices are numbered in the order in which they are met. Corners of a triangle differ.
+#[cfg(not(target_arch = "wasm32"))]
+#[allow(
+    clippy::arithmetic_side_effects,
+    clippy::indexing_slicing,
+    clippy::cast_possible_truncation,
+    reason = "no bytes of a file come here, and the caller has checked the mesh"
+)]
+pub(crate) fn tell(triangles: &[[u8; 3]]) -> Result<Told, Error> {
+    // Edges, the triangle and its corner opposite to each.
+    let mut edges: Vec<([u8; 2], usize, u8)> = Vec::with_capacity(3 * triangles.len());
+    for (index, &[a, b, c]) in triangles.iter().enumerate() {
+        edges.extend([([a, b], index, c), ([b, c], index, a), ([c, a], index, b)]);
+    }
+    edges.sort_unstable();
+    let mut told = Told::default();
+    let mut front = Front::default();
+    let mut numbers: [Option<u8>; MAX_CLUSTER_VERTICES] = [None; MAX_CLUSTER_VERTICES];
+    let mut is_told = vec![false; triangles.len()];
+    let mut first_untold = 0;
+    while told.walk.triangles.len() < triangles.len() {
+        let named = front.0.iter().rev().take(NAMED).enumerate();
+        let across = named.into_iter().find_map(|(place, &[from, to, _])| {
+            let old = [to, from].map(|new| told.order[usize::from(new)]);
+            let start = edges.partition_point(|edge| edge.0 < old);
+            let same = edges[start..].iter().take_while(|edge| edge.0 == old);
+            same.into_iter()
+                .find(|&&(_, index, _)| !is_told[index])
+                .map(|&(_, index, apex)| (place, index, apex))
+        });
+        let Some((place, index, apex)) = across else {
+            while is_told[first_untold] {
+                first_untold += 1;
+            }
+            is_told[first_untold] = true;
+            told.start(triangles[first_untold], &mut numbers, &mut front)?;
+            continue;
+        };
+        is_told[index] = true;
+        let Some(edge) = front.take(place) else {
+            return Err(refuse(place));
+        };
+        let [from, to, _] = edge;
+        let known = numbers[usize::from(apex)];
+        let code = match known {
+            None => NEW,
+            Some(known) if front.before(from) == Some(known) => LEFT,
+            Some(known) if front.after(to) == Some(known) => RIGHT,
+            Some(_) => GIVEN,
+        };
+        told.operations.push((place as u8) << APEX_BITS | code);
+        let prediction = Prediction::Across(edge);
+        let corner = told.name(apex, &mut numbers, prediction, code == GIVEN)?;
+        told.walk.push([to, from, corner])?;
+        front.add_triangle([to, from, corner], false);
+    }
+    Ok(told)
+}
+
+#[cfg(not(target_arch = "wasm32"))]
+#[allow(
+    clippy::arithmetic_side_effects,
+    clippy::indexing_slicing,
+    clippy::cast_possible_truncation,
+    reason = "no bytes of a file come here, and the caller has checked the mesh"
+)]
+impl Told {
+    /// Tells a triangle that shares no edge.
+    fn start(
+        &mut self,
+        [a, b, c]: [u8; 3],
+        numbers: &mut [Option<u8>; MAX_CLUSTER_VERTICES],
+        front: &mut Front,
+    ) -> Result<(), Error> {
+        self.operations.push(START << APEX_BITS | NEW);
+        let a = self.name(a, numbers, self.walk.by_last(), true)?;
+        let b = self.name(b, numbers, Prediction::Near(a), true)?;
+        let c = self.name(c, numbers, Prediction::Near(b), true)?;
+        self.walk.push([a, b, c])?;
+        front.add_triangle([a, b, c], true);
+        Ok(())
+    }
+
+    /// The new number of a vertex, which is `is_given` by how far it is behind the next new one.
+    fn name(
+        &mut self,
+        old: u8,
+        numbers: &mut [Option<u8>; MAX_CLUSTER_VERTICES],
+        prediction: Prediction,
+        is_given: bool,
+    ) -> Result<u8, Error> {
+        let next = self.walk.predictions.len();
+        let vertex = numbers[usize::from(old)].map_or(next, usize::from);
+        if is_given {
+            // 256 is 0.
+            self.given.push((next - vertex) as u8);
+        }
+        let number = self.walk.corner(vertex, MAX_CLUSTER_VERTICES, prediction)?;
+        if vertex == next {
+            self.order.push(old);
+            numbers[usize::from(old)] = Some(number);
+        }
+        Ok(number)
+    }
+}

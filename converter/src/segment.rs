@@ -11,6 +11,7 @@
 
 mod complex;
 mod contract;
+mod front;
 mod protrude;
 mod relax;
 mod repair;

@@ -38,8 +38,8 @@ fn centre(mesh: &ManifoldMesh, path: &[u32]) -> DVec3 {
     path.iter().map(|&h| at(h)).sum::<DVec3>() / path.len() as f64
 }
 
-/// Bound of the distance from any point of the loop's cap to the loop.
-pub(super) fn distance(mesh: &ManifoldMesh, path: &[u32]) -> f64 {
+/// Bound of the distance from any point of the loop's cap to the loop; infinite where it is above `most`.
+pub(super) fn distance(mesh: &ManifoldMesh, path: &[u32], most: f64) -> f64 {
     let segments: Vec<[DVec3; 2]> = path
         .iter()
         .map(|&h| {
@@ -47,38 +47,52 @@ pub(super) fn distance(mesh: &ManifoldMesh, path: &[u32]) -> f64 {
         })
         .collect();
     let centre = centre(mesh, path);
-    segments
-        .iter()
-        .map(|&[a, b]| bound([a, b, centre], &segments, HALVINGS))
-        .fold(0.0, f64::max)
+    let mut largest = nearest(&[centre], &segments);
+    for &[a, b] in &segments {
+        if largest > most {
+            return f64::INFINITY;
+        }
+        raise([a, b, centre], &segments, HALVINGS, &mut largest);
+    }
+    if largest > most {
+        f64::INFINITY
+    } else {
+        largest
+    }
 }
 
-/// Bound of the distance from a triangle to some segments: the distance to one of them is convex, so it is largest at a corner.
-fn bound(corners: [DVec3; 3], segments: &[[DVec3; 2]], halvings: u32) -> f64 {
+/// Distance of the farthest of some points to the segment for which it is least.
+fn nearest(points: &[DVec3], segments: &[[DVec3; 2]]) -> f64 {
     let to_segment = |p: DVec3, [a, b]: [DVec3; 2]| {
         let along = ((p - a).dot(b - a) / (b - a).length_squared()).clamp(0.0, 1.0);
-        p.distance(if along.is_nan() { a } else { a.lerp(b, along) })
+        p.distance_squared(if along.is_nan() { a } else { a.lerp(b, along) })
     };
-    let whole = segments
+    segments
         .iter()
-        .map(|&s| {
-            corners
-                .iter()
-                .map(|&p| to_segment(p, s))
-                .fold(0.0, f64::max)
-        })
-        .fold(f64::INFINITY, f64::min);
+        .map(|&s| points.iter().map(|&p| to_segment(p, s)).fold(0.0, f64::max))
+        .fold(f64::INFINITY, f64::min)
+        .sqrt()
+}
+
+/// Raises `largest` to a bound of the distance from a triangle to some segments: the distance to one of them is convex, so
+/// it is largest at a corner.
+fn raise(corners: [DVec3; 3], segments: &[[DVec3; 2]], halvings: u32, largest: &mut f64) {
+    let whole = nearest(&corners, segments);
+    // No part of it is farther than it is as a whole.
+    if whole <= *largest {
+        return;
+    }
     if halvings == 0 {
-        return whole;
+        *largest = whole;
+        return;
     }
     let [a, b, c] = corners;
     let (ab, bc, ca) = (a.midpoint(b), b.midpoint(c), c.midpoint(a));
-    let parts = [[a, ab, ca], [ab, b, bc], [ca, bc, c], [ab, bc, ca]];
-    parts
-        .into_iter()
-        .map(|part| bound(part, segments, halvings - 1))
-        .fold(0.0, f64::max)
-        .min(whole)
+    let before = *largest;
+    for part in [[a, ab, ca], [ab, b, bc], [ca, bc, c], [ab, bc, ca]] {
+        raise(part, segments, halvings - 1, largest);
+    }
+    *largest = largest.min(before.max(whole));
 }
 
 /// Cuts `mesh` along disjoint loops and caps both sides of each.
@@ -87,7 +101,7 @@ pub(super) fn cut(mesh: &mut ManifoldMesh, loops: &[Loop], done: &mut Caps) {
     for (path, origin) in loops.iter().zip(first_origin..) {
         done.loops += 1;
         done.triangles += 2 * path.len();
-        let reach = distance(mesh, path);
+        let reach = distance(mesh, path, f64::INFINITY);
         done.distance = done.distance.max(reach);
         done.squares += squares(reach);
         let centre = centre(mesh, path);

@@ -225,7 +225,7 @@ impl<'a> Ball<'a> {
                 continue;
             };
             if quotient < best.as_ref().map_or(QUOTIENT, |b| b.0) {
-                finger.reach = caps::distance(self.mesh, &finger.rim);
+                finger.reach = caps::distance(self.mesh, &finger.rim, distance);
                 if finger.reach <= distance {
                     best = Some((quotient, finger));
                 }

@@ -18,27 +18,29 @@ use super::adjacency::{UnionFind, end, id, next, start};
 use super::caps::{self, Caps};
 use super::fans::breadth_first;
 use super::{ManifoldMesh, NONE};
+use rayon::prelude::*;
 
 /// Cuts and caps every handle that a cap nowhere farther than `distance` (a length) from the surface can close.
 pub fn cut(mesh: &mut ManifoldMesh, distance: f64) -> Caps {
     let mut done = Caps::default();
-    // Loops of one round are disjoint, so handles side by side take more than one.
-    for _ in 0..ROUNDS {
-        let places = leftover_edges(mesh);
-        if places.is_empty() {
+    // Where loops of one search meet, the others are looked for again right there, and at last everywhere.
+    for _ in 0..SEARCHES {
+        let mut places = leftover_edges(mesh);
+        let before = done.loops;
+        while !places.is_empty() {
+            let (loops, left) = search::loops(mesh, &places, distance);
+            caps::cut(mesh, &loops, &mut done);
+            places = if loops.is_empty() { Vec::new() } else { left };
+        }
+        if done.loops == before {
             break;
         }
-        let loops = search::loops(mesh, &places, distance);
-        if loops.is_empty() {
-            break;
-        }
-        caps::cut(mesh, &loops, &mut done);
     }
     done
 }
 
-/// Rounds of search after which handles that still overlap stay.
-const ROUNDS: usize = 4;
+/// Searches of the whole surface after which handles that still overlap stay.
+const SEARCHES: usize = 2;
 
 /// Half-edges that no spanning tree of the vertices and no disjoint one of the faces holds: two a handle, near it.
 ///
@@ -55,33 +57,36 @@ fn leftover_edges(mesh: &ManifoldMesh) -> Vec<u32> {
     };
     let (depth, parent) = &depth_and_parent;
     // Deepest first: what is left over then lies right behind a handle, as seen from the root.
-    let mut buckets: Vec<u32> = Vec::new();
-    let weight = |h: u32| {
-        let (a, b) = (start(&mesh.triangles, h), end(&mesh.triangles, h));
-        depth[a as usize] + depth[b as usize]
-    };
-    let candidates = || {
-        (0..half_edges).filter(|&h| {
+    let weights: Vec<u32> = (0..half_edges)
+        .into_par_iter()
+        .map(|h| {
             let twin = mesh.twins[h as usize];
             let (a, b) = (start(&mesh.triangles, h), end(&mesh.triangles, h));
-            twin > h && parent[a as usize] != b && parent[b as usize] != a
+            let in_tree = parent[a as usize] == b || parent[b as usize] == a;
+            if twin < h || in_tree {
+                NONE
+            } else {
+                depth[a as usize] + depth[b as usize]
+            }
         })
-    };
-    for h in candidates() {
-        let w = weight(h) as usize;
-        if w >= buckets.len() {
-            buckets.resize(w + 1, 0);
+        .collect();
+    let candidates = || weights.iter().enumerate().filter(|&(_, &w)| w != NONE);
+    let mut buckets: Vec<u32> = Vec::new();
+    for (_, &weight) in candidates() {
+        let weight = weight as usize;
+        if weight >= buckets.len() {
+            buckets.resize(weight + 1, 0);
         }
-        buckets[w] += 1;
+        buckets[weight] += 1;
     }
     let mut at = 0;
     for bucket in buckets.iter_mut().rev() {
         at += std::mem::replace(bucket, at);
     }
     let mut sorted = vec![0; at as usize];
-    for h in candidates() {
-        let slot = &mut buckets[weight(h) as usize];
-        sorted[*slot as usize] = h;
+    for (h, &weight) in candidates() {
+        let slot = &mut buckets[weight as usize];
+        sorted[*slot as usize] = id(h);
         *slot += 1;
     }
     let mut left = Vec::new();

@@ -1,45 +1,56 @@
 //! An elimination order with little fill: nested dissection by breadth-first levels.
 //!
 //! George & Liu, "An automatic nested dissection algorithm for irregular finite element problems", 1978. A connected part
-//! is searched from a vertex of great eccentricity; the level that halves it separates the rest, and comes last. On
-//! planar graphs, as here, separators are about as long as the part is wide, which gives O(n log n) fill.
+//! is searched from a vertex of great eccentricity; a level that is short for what it cuts off separates the rest, without those of
+//! its vertices that touch one side only, and comes last. On planar graphs, as here, separators are about as long as the
+//! part is wide, which gives O(n log n) fill.
 
 use super::edges::NONE;
 
 /// Parts of at most this many are not dissected.
-const SMALL: usize = 24;
+const SMALL: usize = 8;
 
-/// Searches for a vertex of greater eccentricity.
-const SEARCHES: usize = 3;
+/// Parts of more than this are searched twice, from an end that the first search finds. Others are short on all sides, and begin
+/// at an end of the part that they come from.
+const SEARCHED_TWICE: usize = 256;
 
-/// The place of every vertex of a graph in the elimination order.
-pub(super) fn order(count: u32, pairs: &[[u32; 2]]) -> Vec<u32> {
+/// An elimination order.
+#[derive(Debug)]
+pub(super) struct Order {
+    /// The place of every vertex.
+    pub(super) places: Vec<u32>,
+    /// Where each separator, and each part that was left whole, begins: places up to the next are one of them.
+    pub(super) blocks: Vec<u32>,
+}
+
+/// An elimination order of a graph, given by its edges.
+pub(super) fn order(count: u32, pairs: &[[u32; 2]]) -> Order {
     let n = count as usize;
-    if n <= SMALL {
-        return (0..count).collect();
-    }
     let mut dissection = Dissection::of(n, pairs);
     let mut members: Vec<u32> = (0..count).collect();
     // Parts still to place: a range of `members`, which is also the range of places it gets.
     let mut parts = vec![(0, n)];
-    let mut places = vec![NONE; n];
+    let mut blocks = Vec::new();
     while let Some((start, end)) = parts.pop() {
         if end - start <= SMALL {
-            for (place, &member) in (start..end).zip(&members[start..end]) {
-                places[member as usize] = index(place);
+            if end > start {
+                blocks.push(index(start));
             }
             continue;
         }
         let [first, second] = dissection.split(&mut members[start..end]);
-        for (place, &member) in
-            (start + first + second..end).zip(&members[start + first + second..end])
-        {
-            places[member as usize] = index(place);
+        if start + first + second < end {
+            blocks.push(index(start + first + second));
         }
         parts.push((start, start + first));
         parts.push((start + first, start + first + second));
     }
-    places
+    blocks.sort_unstable();
+    let mut places = vec![NONE; n];
+    for (place, &member) in (0u32..).zip(&members) {
+        places[member as usize] = place;
+    }
+    Order { places, blocks }
 }
 
 /// An index as it is stored; patches have fewer than 2^32 vertices.
@@ -97,15 +108,10 @@ impl Dissection {
         for &member in &*members {
             self.part[member as usize] = self.current;
         }
-        let mut depth = 0;
-        let mut root = members[0];
-        for _ in 0..SEARCHES {
-            self.search_from(root);
-            if self.levels.len() <= depth {
-                break;
-            }
-            depth = self.levels.len();
-            root = self.queue.last().copied().unwrap_or(root);
+        let last = |list: &[u32]| list.last().copied().unwrap_or(0);
+        self.search_from(last(members));
+        if members.len() > SEARCHED_TWICE {
+            self.search_from(last(&self.queue));
         }
         let reached = self.queue.len();
         if reached < members.len() {
@@ -118,18 +124,46 @@ impl Dissection {
             members.copy_from_slice(&self.queue);
             return [reached, members.len() - reached];
         }
-        let middle = self
-            .levels
-            .partition_point(|&start| start <= reached / 2)
-            .max(1)
-            - 1;
+        let middle = self.shortest_level();
         let start = self.levels[middle];
         let end = self.levels.get(middle + 1).copied().unwrap_or(reached);
-        let (before, after) = (start, reached - end);
-        members[..before].copy_from_slice(&self.queue[..start]);
-        members[before..before + after].copy_from_slice(&self.queue[end..]);
-        members[before + after..].copy_from_slice(&self.queue[start..end]);
-        [before, after]
+        // What touches nothing beyond the level is not needed to separate.
+        let beyond = self.levels.get(middle + 2).copied().unwrap_or(reached);
+        self.search += 1;
+        for &vertex in &self.queue[end..beyond] {
+            self.reached[vertex as usize] = self.search;
+        }
+        let (mut before, mut at) = (start, members.len());
+        members[..start].copy_from_slice(&self.queue[..start]);
+        for &vertex in &self.queue[start..end] {
+            let v = vertex as usize;
+            let touches = self.neighbours[self.starts[v] as usize..self.starts[v + 1] as usize]
+                .iter()
+                .any(|&to| self.reached[to as usize] == self.search);
+            if touches || middle == 0 {
+                at -= 1;
+                members[at] = vertex;
+            } else {
+                members[before] = vertex;
+                before += 1;
+            }
+        }
+        members[before..at].copy_from_slice(&self.queue[end..]);
+        [before, at - before]
+    }
+
+    /// The level of the last search with the fewest vertices for those on its smaller side.
+    fn shortest_level(&self) -> usize {
+        let all = self.queue.len();
+        let mut best = (0, all, 0);
+        for (level, &start) in self.levels.iter().enumerate() {
+            let end = self.levels.get(level + 1).copied().unwrap_or(all);
+            let (length, side) = (end - start, start.min(all - end));
+            if length * best.2 < best.1 * side {
+                best = (level, length, side);
+            }
+        }
+        best.0
     }
 
     /// Breadth-first search of `root`'s part.

@@ -17,30 +17,52 @@ pub(crate) struct Edges {
 impl Edges {
     /// Edges of `triangles`; fewer than 2^32 / 3 triangles.
     pub(crate) fn of(triangles: &[[u32; 3]]) -> Self {
-        let mut half_edges = Vec::with_capacity(triangles.len() * 3);
-        for (triangle, corners) in (0u32..).zip(triangles) {
-            for (k, next) in [(0u32, 1), (1, 2), (2, 0)] {
-                let (a, b) = (corners[k as usize], corners[next]);
-                half_edges.push((a.min(b), a.max(b), triangle * 3 + k));
+        // A counting sort by the lower end, then small sorts by the higher one.
+        let vertices = triangles.as_flattened().iter().max();
+        let mut starts = vec![0u32; vertices.map_or(0, |&v| v as usize + 1) + 1];
+        let ends = |corners: &[u32; 3], k: usize| {
+            let (a, b) = (corners[k], corners[(k + 1) % 3]);
+            (a.min(b), a.max(b))
+        };
+        for corners in triangles {
+            for k in 0..3 {
+                starts[ends(corners, k).0 as usize + 1] += 1;
             }
         }
-        half_edges.sort_unstable();
+        for v in 1..starts.len() {
+            starts[v] += starts[v - 1];
+        }
+        let mut half_edges = vec![(0u32, 0u32); triangles.len() * 3];
+        let mut next = starts.clone();
+        for (triangle, corners) in (0u32..).zip(triangles) {
+            for (k, half_edge) in (0..3).zip(triangle * 3..) {
+                let (a, b) = ends(corners, k);
+                half_edges[next[a as usize] as usize] = (b, half_edge);
+                next[a as usize] += 1;
+            }
+        }
         let mut edges = Self {
             ends: Vec::with_capacity(half_edges.len() / 2 + 2),
             uses: Vec::with_capacity(half_edges.len() / 2 + 2),
             of_triangle: vec![[NONE; 3]; triangles.len()],
         };
         let mut id = NONE;
-        for (a, b, half_edge) in half_edges {
-            if edges.ends.last() != Some(&[a, b]) {
-                id = id.wrapping_add(1);
-                edges.ends.push([a, b]);
-                edges.uses.push(0);
+        for (a, range) in (0u32..).zip(starts.windows(2)) {
+            let around = &mut half_edges[range[0] as usize..range[1] as usize];
+            around.sort_unstable();
+            let mut last = NONE;
+            for &(b, half_edge) in &*around {
+                if b != last {
+                    last = b;
+                    id = id.wrapping_add(1);
+                    edges.ends.push([a, b]);
+                    edges.uses.push(0);
+                }
+                if let Some(uses) = edges.uses.last_mut() {
+                    *uses += 1;
+                }
+                edges.of_triangle[half_edge as usize / 3][half_edge as usize % 3] = id;
             }
-            if let Some(uses) = edges.uses.last_mut() {
-                *uses += 1;
-            }
-            edges.of_triangle[half_edge as usize / 3][half_edge as usize % 3] = id;
         }
         edges
     }

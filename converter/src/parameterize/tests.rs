@@ -245,8 +245,9 @@ fn every_vertex_has_one_place_in_the_elimination_order() {
             }
         }
     }
-    let mut places = dissection::order(830, &pairs);
+    let dissection::Order { mut places, blocks } = dissection::order(830, &pairs);
     places.sort_unstable();
     assert!(places.iter().zip(0u32..).all(|(&place, k)| place == k));
-    assert!(dissection::order(0, &[]).is_empty());
+    assert!(blocks[0] == 0 && blocks.windows(2).all(|pair| pair[0] < pair[1]));
+    assert!(dissection::order(0, &[]).places.is_empty());
 }

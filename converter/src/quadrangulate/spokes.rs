@@ -9,7 +9,7 @@ use super::arcs::{border, mean, mix};
 use super::region::Region;
 use crate::atlas::patch::{Border, Patch};
 use crate::mesh::NONE;
-use crate::parameterize::{Flat, Weights};
+use crate::parameterize::{Edges, Flat, Weights};
 use glam::DVec2;
 use std::collections::HashMap;
 use std::sync::Arc;
@@ -296,21 +296,28 @@ impl<'a> Sectors<'a> {
             following.vertices[0],
             following.vertices[following.middle],
         ];
-        let mut used: Vec<u32> = triangles.iter().flatten().copied().collect();
-        used.sort_unstable();
-        used.dedup();
-        let sides = sides_of_disk(triangles, used.len(), corners)?;
+        // Numbers of the region's vertices in the patch, in the same order.
+        let mut number = vec![NONE; self.region.positions.len()];
+        for &v in triangles.as_flattened() {
+            number[v as usize] = 0;
+        }
+        let mut used: Vec<u32> = Vec::with_capacity(triangles.len());
+        for (v, number) in (0u32..).zip(&mut number).filter(|(_, n)| **n == 0) {
+            *number = u32::try_from(used.len()).ok()?;
+            used.push(v);
+        }
+        let local = |v: u32| number[v as usize];
+        let own_triangles: Vec<_> = triangles.iter().map(|t| t.map(local)).collect();
+        let own_sides = sides_of_disk(&own_triangles, used.len(), corners.map(local))?;
+        let sides = own_sides
+            .each_ref()
+            .map(|side| -> Vec<u32> { side.iter().map(|&v| used[v as usize]).collect() });
         // The outer sides must be the arcs, point by point: their borders are shared with other regions.
         if sides[1] != side.vertices[side.middle..]
             || sides[2] != following.vertices[..=following.middle]
         {
             return None;
         }
-        let local = |v: u32| {
-            used.binary_search(&v)
-                .ok()
-                .and_then(|i| u32::try_from(i).ok())
-        };
         let spoke = |vertices: &[u32]| {
             border(
                 vertices
@@ -332,8 +339,6 @@ impl<'a> Sectors<'a> {
                 Some(_) => return None,
             }
         }
-        let localize =
-            |side: &Vec<u32>| side.iter().map(|&v| local(v)).collect::<Option<Vec<u32>>>();
         Some(Patch {
             positions: used
                 .iter()
@@ -343,16 +348,8 @@ impl<'a> Sectors<'a> {
                 .iter()
                 .map(|&v| self.region.attributes[v as usize])
                 .collect(),
-            triangles: triangles
-                .iter()
-                .map(|t| Some([local(t[0])?, local(t[1])?, local(t[2])?]))
-                .collect::<Option<_>>()?,
-            sides: [
-                localize(&sides[0])?,
-                localize(&sides[1])?,
-                localize(&sides[2])?,
-                localize(&sides[3])?,
-            ],
+            triangles: own_triangles,
+            sides: own_sides,
             borders: [
                 (k, true),
                 side.halves[1],
@@ -447,41 +444,41 @@ fn insert_origin(region: &mut Region, uv: &mut Vec<DVec2>) -> Option<u32> {
 
 /// The outline of `triangles` between `corners`, when it is one loop through all four in order and they are a disk.
 ///
-/// `vertices` is how many different ones they have.
+/// `vertices` is how many they have, all numbers below it.
 fn sides_of_disk(
     triangles: &[[u32; 3]],
     vertices: usize,
     corners: [u32; 4],
 ) -> Option<[Vec<u32>; 4]> {
-    // Both ends in order, then whether the edge runs from the higher one.
-    let mut edges: Vec<(u32, u32, bool)> = triangles
-        .iter()
-        .flat_map(|t| (0..3).map(|k| (t[k], t[(k + 1) % 3])))
-        .map(|(a, b)| (a.min(b), a.max(b), a > b))
-        .collect();
-    edges.sort_unstable();
-    let mut open: HashMap<u32, u32> = HashMap::new();
-    let mut interior_edges = 0;
-    for edge in edges.chunk_by(|p, q| (p.0, p.1) == (q.0, q.1)) {
-        match *edge {
-            [(low, high, down)] => {
-                let (from, to) = if down { (high, low) } else { (low, high) };
-                if open.insert(from, to).is_some() {
-                    return None;
-                }
-            }
-            [(_, _, false), (_, _, true)] => interior_edges += 1,
-            _ => return None,
+    let edges = Edges::of(triangles);
+    // How much more often an edge runs up than down.
+    let mut up = vec![0i32; edges.ends.len()];
+    for (t, ids) in triangles.iter().zip(&edges.of_triangle) {
+        for k in 0..3 {
+            up[ids[k] as usize] += if t[k] < t[(k + 1) % 3] { 1 } else { -1 };
         }
     }
-    let outline_edges = open.len();
+    let mut following = vec![NONE; vertices];
+    let mut outline_edges = 0;
+    for ((&[low, high], &uses), &up) in edges.ends.iter().zip(&edges.uses).zip(&up) {
+        let (from, to) = match (uses, up) {
+            (1, 1) => (low, high),
+            (1, -1) => (high, low),
+            (2, 0) => continue,
+            _ => return None,
+        };
+        if std::mem::replace(&mut following[from as usize], to) != NONE {
+            return None;
+        }
+        outline_edges += 1;
+    }
     let mut sides: [Vec<u32>; 4] = Default::default();
     let mut at = corners[0];
     let mut walked = 0;
     for s in 0..4 {
         sides[s].push(at);
         while at != corners[(s + 1) % 4] {
-            at = *open.get(&at)?;
+            at = following.get(at as usize).copied()?;
             walked += 1;
             if walked > outline_edges {
                 return None;
@@ -489,6 +486,7 @@ fn sides_of_disk(
             sides[s].push(at);
         }
     }
-    let euler = vertices + triangles.len() == outline_edges + interior_edges + 1;
+    // Vertices, edges and triangles of a disk.
+    let euler = vertices + triangles.len() == edges.ends.len() + 1;
     (walked == outline_edges && euler).then_some(sides)
 }

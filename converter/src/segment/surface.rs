@@ -4,6 +4,7 @@ use super::complex::id;
 use super::contract::Cell;
 use crate::mesh::{ManifoldMesh, NONE};
 use glam::DVec3;
+use rayon::prelude::*;
 
 /// A mesh prepared for segmentation. Lengths are in units of the bounding box's longest side.
 #[derive(Debug)]
@@ -18,24 +19,33 @@ pub(super) struct Surface {
     pub(super) components: Vec<Vec<u32>>,
     /// Component of every vertex.
     pub(super) component_of: Vec<u32>,
+    /// Mean length of all edges.
+    pub(super) mean_length: f64,
     offsets: Vec<u32>,
     targets: Vec<u32>,
+    /// Length of the edge to every target; never zero.
+    lengths: Vec<f32>,
 }
 
 impl Surface {
     /// Prepares `mesh`.
     pub(super) fn of(mesh: &ManifoldMesh) -> Self {
-        let (offsets, targets) = edges(mesh);
-        let (loop_of, loops) = boundary(mesh);
+        let ((offsets, targets), ((loop_of, loops), cells)) = rayon::join(
+            || edges(mesh),
+            || rayon::join(|| boundary(mesh), || cells(mesh)),
+        );
         let mut surface = Self {
-            cells: cells(mesh),
+            cells,
             loop_of,
             loops,
             components: Vec::new(),
             component_of: vec![NONE; mesh.positions.len()],
+            mean_length: 0.0,
             offsets,
             targets,
+            lengths: Vec::new(),
         };
+        surface.measure();
         surface.find_components();
         surface
     }
@@ -43,6 +53,41 @@ impl Surface {
     /// Vertices joined to `v` by an edge, ascending.
     pub(super) fn neighbours(&self, v: u32) -> &[u32] {
         &self.targets[self.offsets[v as usize] as usize..self.offsets[v as usize + 1] as usize]
+    }
+
+    /// Vertices joined to `v` by an edge, ascending, and how long it is to seven digits.
+    pub(super) fn edges_from(&self, v: u32) -> impl Iterator<Item = (u32, f64)> {
+        let range = self.offsets[v as usize] as usize..self.offsets[v as usize + 1] as usize;
+        let lengths = self.lengths[range.clone()].iter();
+        self.targets[range]
+            .iter()
+            .zip(lengths)
+            .map(|(&w, &length)| (w, f64::from(length)))
+    }
+
+    fn measure(&mut self) {
+        const PIECE: usize = 1 << 12;
+        let mut lengths = vec![0.0_f32; self.targets.len()];
+        let mut rest = lengths.as_mut_slice();
+        let mut pieces = Vec::new();
+        for first in (0..self.cells.len()).step_by(PIECE) {
+            let end = (first + PIECE).min(self.cells.len());
+            let count = self.offsets[end] - self.offsets[first];
+            let (own, after) = rest.split_at_mut(count as usize);
+            pieces.push((id(first)..id(end), own));
+            rest = after;
+        }
+        pieces.into_par_iter().for_each(|(vertices, own)| {
+            let ends = vertices.flat_map(|v| self.neighbours(v).iter().map(move |&w| (v, w)));
+            for (slot, (v, w)) in own.iter_mut().zip(ends) {
+                #[expect(clippy::cast_possible_truncation, reason = "seven digits do")]
+                let length = self.length(v, w) as f32;
+                *slot = length.max(f32::MIN_POSITIVE);
+            }
+        });
+        let sum: f64 = lengths.iter().map(|&length| f64::from(length)).sum();
+        self.mean_length = sum / lengths.len().max(1) as f64;
+        self.lengths = lengths;
     }
 
     /// Length of the edge `u`–`v`.
@@ -80,7 +125,7 @@ impl Surface {
                     }
                 }
             }
-            members.sort_unstable();
+            members.par_sort_unstable();
             self.components
                 .push(members.into_iter().map(|(_, v)| v).collect());
         }

@@ -1,13 +1,14 @@
 //! Voronoi cells of seed vertices, and the seeds that make regions round.
 //!
-//! Lloyd's iteration on a graph: distances are shortest paths along mesh edges (Dijkstra), cells are connected because
+//! Lloyd's iteration on a graph: distances are shortest paths along mesh edges (`front`), cells are connected because
 //! they are made of path trees. Limit: path lengths exceed geodesic ones by up to 15 % on regular grids.
 
 use super::complex::id;
+use super::contract::Cell;
+use super::front::Front;
 use super::surface::Surface;
 use crate::mesh::{ManifoldMesh, NONE};
-use std::cmp::Reverse;
-use std::collections::BinaryHeap;
+use rayon::prelude::*;
 
 /// Where a cell grows from.
 #[derive(Debug, Clone, Copy)]
@@ -47,7 +48,7 @@ impl Voronoi {
 
     /// Adds seeds; they take over what is nearer to them.
     pub(super) fn add(&mut self, surface: &Surface, seeds: impl IntoIterator<Item = Seed>) {
-        let mut front = BinaryHeap::new();
+        let mut front = Front::new(surface);
         for Seed {
             vertex: seed,
             start,
@@ -61,16 +62,20 @@ impl Voronoi {
                 *touched = true;
             }
             self.labels[seed as usize] = label;
-            front.push(Reverse((start.to_bits(), seed)));
+            front.push(start, seed);
         }
-        spread(surface, &mut front, &mut self.distances, |from, to| {
-            let label = self.labels[from as usize];
-            let old = std::mem::replace(&mut self.labels[to as usize], label);
-            if let Some(touched) = self.touched.get_mut(old as usize) {
-                *touched = true;
-            }
-            true
-        });
+        front.spread(
+            |v| surface.edges_from(v),
+            &mut self.distances,
+            |from, to| {
+                let label = self.labels[from as usize];
+                let old = std::mem::replace(&mut self.labels[to as usize], label);
+                if let Some(touched) = self.touched.get_mut(old as usize) {
+                    *touched = true;
+                }
+                true
+            },
+        );
     }
 
     /// The farthest vertex of every cell, and its distance.
@@ -85,102 +90,116 @@ impl Voronoi {
     }
 }
 
-/// Dijkstra from what is in `front` (non-negative distances as bits, which order alike). `allow` is told of every step
-/// that would shorten a distance, and may refuse it.
-fn spread(
-    surface: &Surface,
-    front: &mut BinaryHeap<Reverse<(u64, u32)>>,
-    distances: &mut [f64],
-    mut allow: impl FnMut(u32, u32) -> bool,
-) {
-    while let Some(Reverse((bits, v))) = front.pop() {
-        let distance = f64::from_bits(bits);
-        if distance > distances[v as usize] {
-            continue;
-        }
-        for &w in surface.neighbours(v) {
-            let through = distance + surface.length(v, w);
-            if through < distances[w as usize] && allow(v, w) {
-                distances[w as usize] = through;
-                front.push(Reverse((through.to_bits(), w)));
-            }
-        }
-    }
-}
-
-/// Distance of every vertex, inside its region, to the region's border and to open borders.
-pub(super) fn depths(surface: &Surface, labels: &[u32]) -> Vec<f64> {
-    let mut depths = vec![f64::INFINITY; labels.len()];
-    let mut front = BinaryHeap::new();
-    for v in surface.components.iter().flatten().copied() {
-        let label = labels[v as usize];
-        let at_border = surface.loop_of[v as usize] != NONE
-            || surface
-                .neighbours(v)
-                .iter()
-                .any(|&w| labels[w as usize] != label);
-        if at_border {
-            depths[v as usize] = 0.0;
-            front.push(Reverse((0, v)));
-        }
-    }
-    spread(surface, &mut front, &mut depths, |from, to| {
-        labels[from as usize] == labels[to as usize]
-    });
-    depths
-}
-
 /// Lengths of shortest paths from `starts` that stay in one region; infinite in regions without a start.
 pub(super) fn within(surface: &Surface, labels: &[u32], starts: &[u32]) -> Vec<f64> {
     let mut distances = vec![f64::INFINITY; labels.len()];
-    let mut front = BinaryHeap::new();
+    let mut front = Front::new(surface);
     for &start in starts {
         distances[start as usize] = 0.0;
-        front.push(Reverse((0, start)));
+        front.push(0.0, start);
     }
-    spread(surface, &mut front, &mut distances, |from, to| {
-        labels[from as usize] == labels[to as usize]
-    });
+    front.spread(
+        |v| surface.edges_from(v),
+        &mut distances,
+        |from, to| labels[from as usize] == labels[to as usize],
+    );
     distances
+}
+
+/// Vertices by region.
+struct Regions<'a> {
+    surface: &'a Surface,
+    labels: &'a [u32],
+    starts: Vec<u32>,
+    /// Along the components' curves, region by region.
+    members: Vec<u32>,
+    /// Where every vertex is among the members of its region.
+    place: Vec<u32>,
+}
+
+impl<'a> Regions<'a> {
+    fn of(surface: &'a Surface, labels: &'a [u32], regions: u32) -> Self {
+        let mut starts = vec![0_u32; regions as usize + 1];
+        let vertices = || surface.components.iter().flatten().copied();
+        for v in vertices() {
+            starts[labels[v as usize] as usize + 1] += 1;
+        }
+        for region in 0..regions as usize {
+            starts[region + 1] += starts[region];
+        }
+        let mut next = starts.clone();
+        let mut members = vec![NONE; starts[regions as usize] as usize];
+        let mut place = vec![NONE; labels.len()];
+        for v in vertices() {
+            let region = labels[v as usize] as usize;
+            members[next[region] as usize] = v;
+            place[v as usize] = next[region] - starts[region];
+            next[region] += 1;
+        }
+        Self {
+            surface,
+            labels,
+            starts,
+            members,
+            place,
+        }
+    }
+
+    /// The vertex of a region that is best for its centre, and its distance to the region's border and to open borders.
+    fn centre(&self, region: u32) -> Option<(u32, f64)> {
+        let range =
+            self.starts[region as usize] as usize..self.starts[region as usize + 1] as usize;
+        let members = &self.members[range];
+        let (first, others) = members.split_first()?;
+        let cell = |&v: &u32| self.surface.cells[v as usize];
+        let mean = others.iter().map(cell).fold(cell(first), Cell::merged);
+        let mut best = (f64::NEG_INFINITY, *first, 0.0);
+        for (&v, depth) in members.iter().zip(self.depths(region, members)) {
+            // A lone centroid may lie nearest to the wrong side of a finger; depth alone says nothing along a strip.
+            let score = depth - 0.5 * cell(&v).centroid.distance(mean.centroid);
+            if score > best.0 {
+                best = (score, v, depth);
+            }
+        }
+        Some((best.1, best.2))
+    }
+
+    fn depths(&self, region: u32, members: &[u32]) -> Vec<f64> {
+        let inside = |&w: &u32| self.labels[w as usize] == region;
+        let mut depths = vec![f64::INFINITY; members.len()];
+        let mut front = Front::new(self.surface);
+        for ((at, &v), depth) in (0_u32..).zip(members).zip(&mut depths) {
+            let is_open = self.surface.loop_of[v as usize] != NONE;
+            if is_open || !self.surface.neighbours(v).iter().all(inside) {
+                *depth = 0.0;
+                front.push(0.0, at);
+            }
+        }
+        let edges = |at: u32| {
+            self.surface
+                .edges_from(members[at as usize])
+                .filter(|(w, _)| inside(w))
+                .map(|(w, length)| (self.place[w as usize], length))
+        };
+        front.spread(edges, &mut depths, |_, _| true);
+        depths
+    }
 }
 
 /// A seed for each region: far from its border, yet near its centroid. With `bias` 1 distances begin at the rim of the
 /// circle that fits into the region, so that cells keep their sizes; with 0 all begin alike.
 pub(super) fn centres(surface: &Surface, labels: &[u32], regions: u32, bias: f64) -> Vec<Seed> {
-    let mut means = vec![super::contract::Cell::default(); regions as usize];
-    let depths = depths(surface, labels);
-    let members = || surface.components.iter().flatten().copied();
-    for v in members() {
-        let label = labels[v as usize];
-        let mean = &mut means[label as usize];
-        *mean = if mean.area > 0.0 {
-            mean.merged(surface.cells[v as usize])
-        } else {
-            surface.cells[v as usize]
-        };
-    }
-    let mut best = vec![(f64::NEG_INFINITY, NONE); regions as usize];
-    for v in members() {
-        let label = labels[v as usize] as usize;
-        // A lone centroid may lie nearest to the wrong side of a finger; depth alone says nothing along a strip.
-        let score = depths[v as usize]
-            - 0.5
-                * surface.cells[v as usize]
-                    .centroid
-                    .distance(means[label].centroid);
-        if score > best[label].0 || best[label].1 == NONE {
-            best[label] = (score, v);
-        }
-    }
-    let seeds = best.into_iter().map(|(_, v)| v).filter(|&v| v != NONE);
-    let deepest = seeds
-        .clone()
-        .map(|v| depths[v as usize])
-        .fold(0.0, f64::max);
-    seeds
-        .map(|vertex| Seed {
+    let by_region = Regions::of(surface, labels, regions);
+    let centres: Vec<(u32, f64)> = (0..regions)
+        .into_par_iter()
+        .filter_map(|region| by_region.centre(region))
+        .collect();
+    let deepest = centres.iter().map(|&(_, depth)| depth).fold(0.0, f64::max);
+    centres
+        .into_iter()
+        .map(|(vertex, depth)| Seed {
             vertex,
-            start: bias * (deepest - depths[vertex as usize]),
+            start: bias * (deepest - depth),
         })
         .collect()
 }

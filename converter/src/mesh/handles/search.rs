@@ -12,8 +12,8 @@ use std::collections::BinaryHeap;
 const BALL_RADII: f64 = 6.0;
 
 /// Disjoint loops that together do not separate, and that caps nowhere farther than `distance` can close, found near
-/// `places` (half-edges).
-pub(super) fn loops(mesh: &ManifoldMesh, places: &[u32], distance: f64) -> Vec<Loop> {
+/// `places` (half-edges). Also the first edges of those that are left, for they meet others or separate with them.
+pub(super) fn loops(mesh: &ManifoldMesh, places: &[u32], distance: f64) -> (Vec<Loop>, Vec<u32>) {
     let mut search = Search::of(mesh, BALL_RADII * distance);
     let mut found: Vec<(f64, Loop)> = Vec::new();
     for &place in places {
@@ -34,19 +34,22 @@ pub(super) fn loops(mesh: &ManifoldMesh, places: &[u32], distance: f64) -> Vec<L
                 _ => break,
             }
         }
-        if caps::distance(mesh, &best.1) <= distance {
+        if caps::distance(mesh, &best.1, distance) <= distance {
             found.push(best);
         }
     }
     found.sort_by(|a, b| a.0.total_cmp(&b.0).then_with(|| a.1.cmp(&b.1)));
     let mut accepted = Vec::new();
+    let mut left = Vec::new();
     for (_, path) in found {
         if search.is_free(&path) && !search.separates(&path) {
             search.accept(&path);
             accepted.push(path);
+        } else {
+            left.push(path[0]);
         }
     }
-    accepted
+    (accepted, left)
 }
 
 struct Search<'a> {

@@ -538,10 +538,10 @@ impl Viewer {
         self.stale.frame = false;
     }
 
-    /// Whether something is there that could be decoded.
-    fn decoding_waits(&self) -> bool {
+    /// Whether meshes and images are there that could be decoded.
+    fn decoding_waits(&self) -> [bool; 2] {
         let tiles_wait = self.colour.as_ref().is_some_and(ColourLayer::has_arrived);
-        self.fetcher.has_arrived() || tiles_wait || self.textures_wait
+        [self.fetcher.has_arrived(), tiles_wait || self.textures_wait]
     }
 
     fn is_resting(&self) -> bool {

@@ -9,6 +9,7 @@
 // measure, error. marquetry.d.ts has their details, and all members.
 
 import { Annotations, load as loadAnnotations } from "./annotations.js";
+import { Decoders, WorkerLost } from "./decoders.js";
 import { listen } from "./input.js";
 import { Measure } from "./measure.js";
 import { OVERLAY_STYLE, Overlay } from "./overlay.js";
@@ -28,6 +29,11 @@ const MOST_RECOVERIES = 3;
 const MINUTE_MS = 60_000;
 /** Least milliseconds between two looks whether the file is still the same. */
 const IDENTITY_PAUSE_MS = 5000;
+
+/** Most milliseconds of a frame for decoding on this thread; a job that has begun is finished. */
+const DECODE_MS = 4;
+/** Meshes between two looks at the clock. */
+const MESHES_A_LOOK = 4;
 
 /** Cache for machines that say they are small. */
 const SMALL_CACHE_BYTES = 192 * 1024 * 1024;
@@ -54,16 +60,18 @@ const STYLE = `
   @media (prefers-color-scheme: light) { .alert { color: #23211e; background: #e7e8ea; } }
 `;
 
-/** The generated module, loaded once for all viewers of the page. */
+/** The generated module, loaded once for all viewers of the page, and the workers that run it as well. */
 let engine;
+let decoders;
 
 function loadEngine() {
   if (engine) return engine;
-  const wasm = fetch(new URL("marquetry_web_bg.wasm", import.meta.url));
+  const wasm = compile(fetch(new URL("marquetry_web_bg.wasm", import.meta.url)));
   wasm.catch(() => {});
   engine = import("./marquetry_web.js")
     .then(async (module) => {
       await module.default({ module_or_path: wasm });
+      decoders ??= new Decoders(await wasm);
       return module;
     })
     .catch((error) => {
@@ -72,6 +80,14 @@ function loadEngine() {
       throw new LoadError(`the viewer itself cannot be loaded: ${error.message}`);
     });
   return engine;
+}
+
+async function compile(fetched) {
+  const response = await fetched;
+  if (!response.ok) throw new Error(`HTTP ${response.status}`);
+  const isNamed = response.headers.get("Content-Type")?.startsWith("application/wasm");
+  // Some hosts do not know what wasm is.
+  return isNamed ? WebAssembly.compileStreaming(response) : WebAssembly.compile(await response.arrayBuffer());
 }
 
 export class MarquetryViewer extends HTMLElement {
@@ -106,6 +122,11 @@ export class MarquetryViewer extends HTMLElement {
   #recoveries = [];
   #replaced = false;
   #identityChecked = 0;
+  #byWorkers = 0;
+  /** Images decoded on this thread, and what all decoding here took, milliseconds. */
+  #here = { images: 0, meshes: 0, ms: 0 };
+  /** Workers have room, or are gone: stands for this viewer there. */
+  #onRoom = () => (this.#feed(), this.#wake());
 
   constructor() {
     super();
@@ -277,6 +298,7 @@ export class MarquetryViewer extends HTMLElement {
   stats() {
     if (!this.#view) return null;
     const stats = JSON.parse(this.#view.stats());
+    stats.decoding = { workers: decoders.count, by_workers: this.#byWorkers, here: this.#here };
     stats.network = { requests: this.#source.requests, bytes: this.#source.bytes };
     return stats;
   }
@@ -391,6 +413,9 @@ export class MarquetryViewer extends HTMLElement {
     this.#lastTime = 0;
     this.#view?.free();
     this.#view = null;
+    this.#byWorkers = 0;
+    this.#here = { images: 0, meshes: 0, ms: 0 };
+    decoders?.leave(this.#onRoom);
     this.#source = null;
     this.#ready = false;
     this.#settled = false;
@@ -560,6 +585,7 @@ export class MarquetryViewer extends HTMLElement {
     const start = performance.now();
     let drew;
     try {
+      this.#decodeHere(start + DECODE_MS);
       drew = view.frame(Math.min(Math.max(step, 0), LONGEST_STEP), false);
     } catch (error) {
       if (view.isLost) {
@@ -579,9 +605,47 @@ export class MarquetryViewer extends HTMLElement {
     this.#lastTime = again ? time : 0;
     if (again) this.#wake();
     if (drew) this.#placeOverlay();
+    this.#feed();
     this.#report(drew);
     // Whoever listened may have loaded another file.
     if (this.#view === view) this.#fetchAll();
+  }
+
+  /** Decodes meshes until `end`, and images where no worker will. */
+  #decodeHere(end) {
+    const view = this.#view;
+    const start = performance.now();
+    let count;
+    do {
+      count = view.decodeHere(false, MESHES_A_LOOK);
+      this.#here.meshes += count;
+    } while (count > 0 && performance.now() < end);
+    while (!decoders.isThere && performance.now() < end && view.decodeHere(true, 1) > 0) this.#here.images += 1;
+    this.#here.ms += performance.now() - start;
+  }
+
+  /** Gives workers what they have room for. */
+  #feed() {
+    const view = this.#view;
+    if (!view) return;
+    const room = decoders.room(this.#onRoom);
+    if (room === 0) return;
+    const images = view.takeImages(room);
+    for (let i = 0; i < images.length; i += 2) {
+      const id = images[i];
+      decoders.run(this.#onRoom, images[i + 1]).then(
+        (texels) => {
+          if (this.#view !== view) return;
+          this.#byWorkers += 1;
+          view.finishImage(id, texels);
+        },
+        (error) => {
+          if (this.#view !== view) return;
+          if (error instanceof WorkerLost) view.decodeLostImage(id);
+          else view.failImage(id, error.message);
+        },
+      ).then(() => this.#view === view && this.#onRoom());
+    }
   }
 
   #fetchAll() {

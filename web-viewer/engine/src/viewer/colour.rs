@@ -90,7 +90,6 @@ impl Viewer {
         if self.textures_wait && self.jobs.decoding == Decoding::Inline {
             let most = self.options.pages_per_update.div_ceil(PAGES_A_TEXTURE);
             let jobs = self.texture_jobs(most);
-            self.textures_wait |= !jobs.is_empty();
             for job in jobs {
                 self.take_in(job.run());
             }

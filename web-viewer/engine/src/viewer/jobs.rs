@@ -38,7 +38,8 @@ struct Running {
 pub(super) struct Jobs {
     pub(super) decoding: Decoding,
     running: BTreeMap<JobId, Running>,
-    /// What those that run take, meshes and images.
+    /// How many of those that run are meshes and images, and what they take.
+    counts: [usize; 2],
     bytes: [u64; 2],
     finished: VecDeque<DecodeResult>,
     next: u64,
@@ -49,6 +50,7 @@ impl Jobs {
     pub(super) fn begin(&mut self, subject: Subject, bytes: u64, work: Work) -> DecodeJob {
         let id = JobId(self.next);
         self.next += 1;
+        self.counts[subject.kind() as usize] += 1;
         self.bytes[subject.kind() as usize] += bytes;
         self.running.insert(id, Running { subject, bytes });
         DecodeJob { id, work }
@@ -57,6 +59,7 @@ impl Jobs {
     /// What the job was for; `None` for one that is not under way.
     fn end(&mut self, id: JobId) -> Option<Subject> {
         let Running { subject, bytes } = self.running.remove(&id)?;
+        self.counts[subject.kind() as usize] -= 1;
         self.bytes[subject.kind() as usize] -= bytes;
         Some(subject)
     }
@@ -66,12 +69,15 @@ impl Jobs {
         MOST_BYTES_A_KIND.saturating_sub(self.bytes[kind as usize])
     }
 
-    /// Whether an update has a point, something waiting to be decoded or not.
-    pub(super) fn need_update(&self, waits: bool) -> bool {
+    /// Whether an update has a point, meshes or images waiting to be decoded or not.
+    pub(super) fn need_update(&self, waits: [bool; 2]) -> bool {
         match self.decoding {
-            Decoding::Inline => waits,
+            Decoding::Inline => waits.contains(&true),
             // What runs makes itself heard; without it, the next update may find what to do.
-            Decoding::Elsewhere => !self.finished.is_empty() || (waits && self.running.is_empty()),
+            Decoding::Elsewhere => {
+                let mut idle = waits.iter().zip(self.counts);
+                !self.finished.is_empty() || idle.any(|(waits, running)| *waits && running == 0)
+            }
         }
     }
 }

@@ -9,7 +9,8 @@
 // measure, error. marquetry.d.ts has their details, and all members.
 
 import { Annotations, load as loadAnnotations } from "./annotations.js";
-import { Decoders, WorkerLost } from "./decoders.js";
+import { Decoders } from "./decoders.js";
+import { Decoding } from "./decoding.js";
 import { listen } from "./input.js";
 import { Measure } from "./measure.js";
 import { OVERLAY_STYLE, Overlay } from "./overlay.js";
@@ -29,11 +30,6 @@ const MOST_RECOVERIES = 3;
 const MINUTE_MS = 60_000;
 /** Least milliseconds between two looks whether the file is still the same. */
 const IDENTITY_PAUSE_MS = 5000;
-
-/** Most milliseconds of a frame for decoding on this thread; a job that has begun is finished. */
-const DECODE_MS = 4;
-/** Meshes between two looks at the clock. */
-const MESHES_A_LOOK = 4;
 
 /** Cache for machines that say they are small. */
 const SMALL_CACHE_BYTES = 192 * 1024 * 1024;
@@ -122,11 +118,8 @@ export class MarquetryViewer extends HTMLElement {
   #recoveries = [];
   #replaced = false;
   #identityChecked = 0;
-  #byWorkers = 0;
-  /** Images decoded on this thread, and what all decoding here took, milliseconds. */
-  #here = { images: 0, meshes: 0, ms: 0 };
-  /** Workers have room, or are gone: stands for this viewer there. */
-  #onRoom = () => (this.#feed(), this.#wake());
+  /** What is decoded where. */
+  #decoding = null;
 
   constructor() {
     super();
@@ -298,7 +291,7 @@ export class MarquetryViewer extends HTMLElement {
   stats() {
     if (!this.#view) return null;
     const stats = JSON.parse(this.#view.stats());
-    stats.decoding = { workers: decoders.count, by_workers: this.#byWorkers, here: this.#here };
+    stats.decoding = this.#decoding.stats;
     stats.network = { requests: this.#source.requests, bytes: this.#source.bytes };
     return stats;
   }
@@ -371,6 +364,7 @@ export class MarquetryViewer extends HTMLElement {
       // The view takes it over, also when it refuses it.
       opener = null;
       this.#view = new module.View(this.#gpu, opened);
+      this.#decoding = new Decoding(this.#view, decoders, () => this.#wake());
       this.#applyAll(kept);
       this.#resize();
       this.#wake();
@@ -413,9 +407,8 @@ export class MarquetryViewer extends HTMLElement {
     this.#lastTime = 0;
     this.#view?.free();
     this.#view = null;
-    this.#byWorkers = 0;
-    this.#here = { images: 0, meshes: 0, ms: 0 };
-    decoders?.leave(this.#onRoom);
+    this.#decoding?.end();
+    this.#decoding = null;
     this.#source = null;
     this.#ready = false;
     this.#settled = false;
@@ -585,7 +578,7 @@ export class MarquetryViewer extends HTMLElement {
     const start = performance.now();
     let drew;
     try {
-      this.#decodeHere(start + DECODE_MS);
+      this.#decoding.decodeHere(1000 * step);
       drew = view.frame(Math.min(Math.max(step, 0), LONGEST_STEP), false);
     } catch (error) {
       if (view.isLost) {
@@ -605,47 +598,10 @@ export class MarquetryViewer extends HTMLElement {
     this.#lastTime = again ? time : 0;
     if (again) this.#wake();
     if (drew) this.#placeOverlay();
-    this.#feed();
+    this.#decoding.feed();
     this.#report(drew);
     // Whoever listened may have loaded another file.
     if (this.#view === view) this.#fetchAll();
-  }
-
-  /** Decodes meshes until `end`, and images where no worker will. */
-  #decodeHere(end) {
-    const view = this.#view;
-    const start = performance.now();
-    let count;
-    do {
-      count = view.decodeHere(false, MESHES_A_LOOK);
-      this.#here.meshes += count;
-    } while (count > 0 && performance.now() < end);
-    while (!decoders.isThere && performance.now() < end && view.decodeHere(true, 1) > 0) this.#here.images += 1;
-    this.#here.ms += performance.now() - start;
-  }
-
-  /** Gives workers what they have room for. */
-  #feed() {
-    const view = this.#view;
-    if (!view) return;
-    const room = decoders.room(this.#onRoom);
-    if (room === 0) return;
-    const images = view.takeImages(room);
-    for (let i = 0; i < images.length; i += 2) {
-      const id = images[i];
-      decoders.run(this.#onRoom, images[i + 1]).then(
-        (texels) => {
-          if (this.#view !== view) return;
-          this.#byWorkers += 1;
-          view.finishImage(id, texels);
-        },
-        (error) => {
-          if (this.#view !== view) return;
-          if (error instanceof WorkerLost) view.decodeLostImage(id);
-          else view.failImage(id, error.message);
-        },
-      ).then(() => this.#view === view && this.#onRoom());
-    }
   }
 
   #fetchAll() {

@@ -121,19 +121,18 @@ mod tests {
         let (mut lru, mut naive) = (Lru::default(), Vec::new());
         for _ in 0..2000 {
             let key = random.below(40);
-            if random.below(4) == 0 {
-                naive.retain(|other| *other != key);
-                lru.remove(key);
-            } else if random.below(4) == 0 {
-                if naive.contains(&key) {
-                    naive.retain(|other| *other != key);
-                    naive.push(key);
+            let was_there = naive.contains(&key);
+            naive.retain(|other| *other != key);
+            match random.below(4) {
+                0 => lru.remove(key),
+                1 => {
+                    naive.extend(was_there.then_some(key));
+                    lru.touch_known(key);
                 }
-                lru.touch_known(key);
-            } else {
-                naive.retain(|other| *other != key);
-                naive.push(key);
-                lru.touch(key);
+                _ => {
+                    naive.push(key);
+                    lru.touch(key);
+                }
             }
             assert_eq!(lru.oldest_first().collect::<Vec<_>>(), naive);
             assert_eq!(lru.len(), naive.len());

@@ -42,6 +42,7 @@ pub mod quadtree;
 pub mod reader;
 mod rules;
 pub mod source;
+pub mod task;
 pub mod verify;
 #[cfg(not(target_arch = "wasm32"))]
 pub mod writer;
@@ -62,3 +63,4 @@ pub use reader::{Document, Opening, Step};
 #[cfg(any(unix, windows))]
 pub use source::FileSource;
 pub use source::{ByteSource, SliceSource, SourceError};
+pub use task::{DecodedPage, ImageTask, PageTask};

@@ -3,6 +3,7 @@
 //! [`Opening`] is a state machine without I/O, for async callers; [`Document::open`] drives it over a
 //! blocking [`ByteSource`](crate::ByteSource).
 
+mod decoding;
 mod document;
 mod opening;
 

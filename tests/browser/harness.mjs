@@ -117,6 +117,34 @@ function bumpyTorus(around, across) {
   return Buffer.concat([Buffer.from(header), vertices, faces]);
 }
 
+/** A bumpy square with an image on it, as OBJ with MTL and PNG; its path. */
+export function texturedScan(folder, cells = 48, texels = 512) {
+  const image = new PNG({ width: texels, height: texels });
+  for (let at = 0; at < texels * texels; at++) {
+    const [x, y] = [at % texels, Math.floor(at / texels)];
+    const check = ((x >> 5) + (y >> 5)) % 2 ? 90 : 0;
+    image.data.set([80 + check + (x % 32), 60 + (y >> 2), 150 + 50 * Math.sin(x * y * 1e-3), 255], 4 * at);
+  }
+  writeFileSync(join(folder, "textured.png"), PNG.sync.write(image));
+  writeFileSync(join(folder, "textured.mtl"), "newmtl image\nmap_Kd textured.png\n");
+  const lines = ["mtllib textured.mtl", "usemtl image"];
+  for (let j = 0; j <= cells; j++) {
+    for (let i = 0; i <= cells; i++) {
+      const [u, v] = [i / cells, j / cells];
+      lines.push(`v ${u} ${v} ${0.05 * Math.sin(9 * u) * Math.cos(7 * v)}`, `vt ${u} ${v}`);
+    }
+  }
+  const corner = (i, j) => [1, 1].fill(j * (cells + 1) + i + 1).join("/");
+  for (let j = 0; j < cells; j++) {
+    for (let i = 0; i < cells; i++) {
+      lines.push(`f ${corner(i, j)} ${corner(i + 1, j)} ${corner(i + 1, j + 1)} ${corner(i, j + 1)}`);
+    }
+  }
+  const path = join(folder, "textured.obj");
+  writeFileSync(path, lines.join("\n"));
+  return path;
+}
+
 /** The `marquetry` binary. */
 export class Marquetry {
   #binary;

@@ -5,7 +5,7 @@
 import assert from "node:assert/strict";
 import { copyFileSync, existsSync, mkdirSync, readFileSync, writeFileSync } from "node:fs";
 import { join, resolve } from "node:path";
-import { Checks, Marquetry, ROOT, browser, decode, options, scan } from "./harness.mjs";
+import { Checks, Marquetry, ROOT, browser, decode, options, scan, texturedScan } from "./harness.mjs";
 import { maskedSsim } from "./ssim.mjs";
 import { PATIENCE_MS, ViewerPage } from "./viewer_page.mjs";
 
@@ -38,6 +38,7 @@ const light = join(served, "second one.marq");
 const lightInput = join(ROOT, "../shared/data/armadillo_86k.obj.gz");
 if (existsSync(lightInput)) await marquetry.convert(lightInput, light);
 else copyFileSync(file, light);
+await marquetry.convert(texturedScan(out), join(served, "textured.marq"));
 
 const server = await marquetry.serve(served);
 const chromium = await browser(given.chromium ?? "/usr/bin/chromium");
@@ -54,6 +55,7 @@ try {
   await hands();
   await thePage();
   await main.close();
+  await decoding();
   await otherHosts();
   await embedding();
   await failures();
@@ -379,13 +381,42 @@ async function thePage() {
     const list = await ViewerPage.open(chromium, server.url, { scheme: "light" });
     const links = list.page.locator("#files a");
     await links.nth(1).waitFor();
-    assert.deepEqual(await list.page.locator("#files strong").allTextContents(), ["dragon", "second one"]);
+    assert.deepEqual(await list.page.locator("#files strong").allTextContents(), ["dragon", "second one", "textured"]);
     await list.page.screenshot({ path: join(out, "catalogue.png") });
     await links.nth(1).click();
     await list.state("ready", "settled");
     await list.page.screenshot({ path: join(out, "light.png") });
     assert.deepEqual(list.complaints, []);
     await list.close();
+  });
+}
+
+/** Images are decoded by workers where there are any. */
+async function decoding() {
+  const address = `${server.url}/?file=textured`;
+  const look = async (prepare) => {
+    const viewer = await ViewerPage.open(chromium, address, { size: { width: 400, height: 300 }, prepare });
+    await viewer.settle();
+    const { decoding, failures } = await viewer.read((element) => element.stats());
+    const picture = await viewer.screenshot();
+    assert.deepEqual([failures, viewer.complaints], [0, []]);
+    await viewer.close();
+    return { ...decoding, picture };
+  };
+  let away;
+  await checks.run("workers decode images", async () => {
+    away = await look();
+    writeFileSync(join(out, "textured.png"), away.picture);
+    assert.ok(away.workers > 0 && away.by_workers > 0 && away.here.images === 0, JSON.stringify({ ...away, picture: null }));
+    return `${away.by_workers} images by ${away.workers} workers`;
+  });
+  await checks.run("without workers the page decodes them", async () => {
+    const here = await look((page) => page.addInitScript(() => delete window.Worker));
+    assert.ok(here.workers === 0 && here.by_workers === 0 && here.here.images > 0);
+    // A cluster that was seen larger on the way may keep a larger image.
+    const { ssim } = maskedSsim(decode(here.picture), decode(away.picture), rgb(BACKGROUND));
+    assert.ok(ssim >= SAME_LINK, `SSIM ${ssim}`);
+    return `${here.here.images} images in ${here.here.ms.toFixed()} ms, with ${here.here.meshes} meshes`;
   });
 }
 

@@ -69,7 +69,7 @@ fn modules(dist: &Path) -> Result<Vec<PathBuf>> {
     Ok(found.into_iter().collect())
 }
 
-/// Modules beside it that `source` names in quotes: `from "./x.js"`, `import('./x.js')`.
+/// Modules beside it that `source` names in quotes: `from "./x.js"`, `import('./x.js')`, `new URL("./x.js"`.
 fn imports(source: &str) -> Vec<String> {
     let begin = |quote: char| {
         let opening = format!("{quote}./");
@@ -77,7 +77,7 @@ fn imports(source: &str) -> Vec<String> {
             .match_indices(&opening)
             .filter_map(|(at, found)| {
                 let before = source.get(..at)?.trim_end();
-                let is_import = ["from", "import", "import("]
+                let is_import = ["from", "import", "import(", "new URL("]
                     .iter()
                     .any(|word| before.ends_with(word));
                 let name = source.get(at + found.len()..)?.split(quote).next()?;
@@ -99,7 +99,7 @@ mod tests {
     #[test]
     fn imports_are_found_in_every_form() {
         let source = "// It isn't in words.\nimport { a } from \"./a.js\";\nawait import(\"./c.js\");\n\
-            import './b.js';\nconst no = [\"./d.js\", \"./e.wasm\"];";
-        assert_eq!(imports(source), ["a.js", "c.js", "b.js"]);
+            import './b.js';\nnew Worker(new URL(\"./e.js\", import.meta.url));\nconst no = [\"./d.js\", \"./e.wasm\"];";
+        assert_eq!(imports(source), ["a.js", "c.js", "e.js", "b.js"]);
     }
 }

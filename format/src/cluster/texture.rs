@@ -1,7 +1,7 @@
 //! The image of a textured cluster.
 
-use crate::Error;
 use crate::colour::{TileTexels, decode_frame, frame_size};
+use crate::{Error, ImageTask};
 
 /// Most texels a side of a cluster's texture.
 pub const MAX_TEXTURE_TEXELS: u32 = 256;
@@ -58,5 +58,19 @@ impl ClusterTexture {
     /// When the frame is damaged, or of a size that clusters may not have.
     pub fn decode(&self) -> Result<TileTexels, Error> {
         decode_frame(self.size()?, &self.frame)
+    }
+
+    /// [`ClusterTexture::decode`] as a task of its own.
+    ///
+    /// # Errors
+    /// When the frame is of a size that clusters may not have.
+    pub fn task(&self) -> Result<ImageTask, Error> {
+        let [width, height] = self.size()?;
+        let frame = self.frame.clone();
+        Ok(ImageTask {
+            width,
+            height,
+            frame,
+        })
     }
 }

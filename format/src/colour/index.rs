@@ -4,7 +4,7 @@ use super::block::{self, BlockPlace};
 use super::directory::Directory;
 use super::{BLOCK_TILES, TexelSize, TileEntry, TileId, TileTexels, decode_vp8};
 use crate::header::{SectionKind, check, checksum};
-use crate::{ByteSource, ChartId, Document, Error, Limits, Quadrant};
+use crate::{ByteSource, ChartId, Document, Error, ImageTask, Limits, Quadrant};
 use std::ops::Range;
 
 const NONE: u32 = u32::MAX;
@@ -244,6 +244,24 @@ impl ColourIndex {
     /// # Errors
     /// When the bytes do not match length and checksum, or are no picture of the chart's size.
     pub fn decode(&self, chart: ChartId, tile: TileId, bytes: &[u8]) -> Result<TileTexels, Error> {
+        decode_vp8(self.check(chart, tile, bytes)?, bytes)
+    }
+
+    /// [`ColourIndex::decode`] as a task of its own, the checksum compared.
+    ///
+    /// # Errors
+    /// When the bytes do not match length and checksum.
+    pub fn task(&self, chart: ChartId, tile: TileId, frame: Vec<u8>) -> Result<ImageTask, Error> {
+        let (width, height) = self.check(chart, tile, &frame)?.stored();
+        Ok(ImageTask {
+            width,
+            height,
+            frame,
+        })
+    }
+
+    /// The size of a tile of `chart`, the bytes being its.
+    fn check(&self, chart: ChartId, tile: TileId, bytes: &[u8]) -> Result<TexelSize, Error> {
         let no_such = |what, number| Error::NoSuch { what, number };
         let size = self.size(chart).ok_or(no_such("textured chart", chart.0))?;
         let entry = self.tile(tile).ok_or(no_such("colour tile", tile.0))?;
@@ -264,7 +282,7 @@ impl ColourIndex {
                 computed,
             });
         }
-        decode_vp8(size, bytes)
+        Ok(size)
     }
 }
 

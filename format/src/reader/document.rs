@@ -1,10 +1,8 @@
 //! An open file.
 
 use super::opening::{FIRST_READ_BYTES, Opening, Step};
-use crate::cluster::{
-    ClusterId, ClusterMesh, ClusterNode, Clusters, directory as cluster_directory,
-};
-use crate::codec::page::{self, Coding};
+use crate::cluster::{ClusterId, ClusterNode, Clusters, directory as cluster_directory};
+use crate::codec::page::Coding;
 use crate::codec::payload::PartBytes;
 use crate::header::{Header, SectionKind, check, checksum};
 use crate::index::BLOCK_PAGES;
@@ -435,7 +433,7 @@ impl Document {
         runs
     }
 
-    fn coding(&self) -> Coding {
+    pub(super) fn coding(&self) -> Coding {
         Coding {
             shift: self.metadata.lattice.shift,
             has_colours: self.metadata.has_colours,
@@ -472,76 +470,9 @@ impl Document {
         }
         Ok(())
     }
-
-    /// Checks and decodes a root page; needs nothing but the base and the page's index block, and not even that
-    /// where the base holds all of the chart.
-    ///
-    /// # Errors
-    /// When the bytes do not match their checksum or do not decode to the exact size.
-    pub fn decode_root(&self, chart: ChartId, bytes: &[u8]) -> Result<PageSamples, Error> {
-        let missing = Error::NoSuch {
-            what: "chart",
-            number: chart.0,
-        };
-        let (Some(info), Some(base)) = (self.charts.get(at(chart.0)), self.base.get(at(chart.0)))
-        else {
-            return Err(missing);
-        };
-        if info.resolution > base.resolution {
-            self.check_page(PageId(chart.0), bytes)?;
-        }
-        page::decode_root(self.coding(), base, info.resolution, bytes)
-    }
-
-    /// Checks and decodes a page below the root from its parent's samples.
-    ///
-    /// # Errors
-    /// As [`Document::decode_root`].
-    pub fn decode_child(
-        &self,
-        page: PageId,
-        quadrant: Quadrant,
-        parent: &PageSamples,
-        bytes: &[u8],
-    ) -> Result<PageSamples, Error> {
-        self.check_page(page, bytes)?;
-        let expected = self.quadrant(page).ok_or(Error::NoSuch {
-            what: "page below a root",
-            number: page.0,
-        })?;
-        if expected != quadrant {
-            let (expected, found) = (u64::from(expected.0), u64::from(quadrant.0));
-            return Err(Error::Mismatch {
-                what: "quadrant of a page",
-                expected,
-                found,
-            });
-        }
-        let decoded = page::decode_child(self.coding(), quadrant, parent, bytes);
-        decoded.unwrap_or(Err(Error::WrongParent {
-            page: page.0,
-            resolution: parent.resolution,
-        }))
-    }
-
-    /// Checks and decodes the mesh of a cluster from the bytes of its page (or, for the root, of its range).
-    ///
-    /// # Errors
-    /// When there is no such cluster, or the bytes do not match their checksum or do not decode to the exact size.
-    pub fn decode_cluster(&self, id: ClusterId, bytes: &[u8]) -> Result<ClusterMesh, Error> {
-        let node = self
-            .clusters
-            .as_ref()
-            .and_then(|clusters| clusters.node(id));
-        let node = node.ok_or(Error::NoSuch {
-            what: "cluster",
-            number: id.0,
-        })?;
-        cluster_directory::decode_node(self.coding(), node, &self.content_id, bytes)
-    }
 }
 
-fn at(number: u32) -> usize {
+pub(super) fn at(number: u32) -> usize {
     usize::try_from(number).unwrap_or(usize::MAX)
 }
 

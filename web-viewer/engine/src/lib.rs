@@ -8,6 +8,9 @@
 //!    handing the bytes, or the reason there are none, to [`Viewer::deliver`] whenever they come;
 //! 3. where [`Viewer::needs_redraw`], calls [`Renderer::render`].
 //!
+//! Decoding is part of the update, or, where the shell says so ([`Viewer::set_decoding`]), jobs that it runs on threads or workers
+//! of its own: see [`mod@decode`].
+//!
 //! Nothing here reads a clock, blocks, or starts a thread, so the same code runs in a browser tab. What is drawn once
 //! [`Viewer::is_settled`] depends on the file, the camera, the viewport and the options alone: not on timing.
 //!
@@ -16,6 +19,7 @@
 pub mod camera;
 pub mod colour;
 pub mod controls;
+pub mod decode;
 pub mod error;
 pub mod gpu_types;
 pub mod lod;
@@ -31,6 +35,7 @@ pub mod viewer;
 
 pub use camera::Camera;
 pub use controls::{InputEvent, Key, Modifiers, PointerButton, PointerKind};
+pub use decode::{DecodeJob, DecodeResult, Decoding, JobId, JobKind};
 pub use error::EngineError;
 pub use options::{Background, Shade, Transition, ViewerOptions, Viewport};
 pub use passes::Renderer;

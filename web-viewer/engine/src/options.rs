@@ -148,6 +148,8 @@ pub struct ViewerOptions {
     pub cache_bytes: u64,
     /// Most pages decoded and uploaded in one update, small ones counted by their samples; at least 1.
     pub pages_per_update: usize,
+    /// Most bytes uploaded in one update of what was decoded elsewhere; the last page may go beyond it. At least 1.
+    pub upload_bytes_per_update: u64,
     /// Most requests under way at once; at least 1.
     pub requests_in_flight: usize,
     /// Seconds a transition takes; 0 makes every change at once.
@@ -167,6 +169,7 @@ impl Default for ViewerOptions {
             background: Background::default(),
             cache_bytes: 512 << 20,
             pages_per_update: 32,
+            upload_bytes_per_update: 2 << 20,
             requests_in_flight: 6,
             morph_seconds: 0.25,
             section: None,
@@ -195,9 +198,12 @@ impl ViewerOptions {
                 expected: "a finite number, 0 or more",
             });
         }
-        if self.pages_per_update == 0 || self.requests_in_flight == 0 {
+        if self.pages_per_update == 0
+            || self.upload_bytes_per_update == 0
+            || self.requests_in_flight == 0
+        {
             return Err(EngineError::Option {
-                name: "pages per update and requests in flight",
+                name: "pages and bytes per update and requests in flight",
                 value: "0".to_owned(),
                 expected: "at least 1",
             });

@@ -101,20 +101,8 @@ impl Renderer {
         viewer: &mut Viewer,
         target: &wgpu::TextureView,
     ) -> Result<(), EngineError> {
-        let mut encoder = self
-            .device
-            .create_command_encoder(&wgpu::CommandEncoderDescriptor {
-                label: Some("frame"),
-            });
-        let mut scene = match self
-            .scene
-            .take()
-            .filter(|scene| scene.viewer == viewer.id())
-        {
-            Some(scene) => scene,
-            None => Scene::new(&self.device, viewer)?,
-        };
-        scene.prepare(&self.device, &self.queue, &mut encoder, viewer)?;
+        let mut encoder = self.encoder();
+        let scene = self.prepare(&mut encoder, viewer)?;
         let surface = match self
             .surface
             .take()
@@ -133,9 +121,42 @@ impl Renderer {
         viewer.mark_drawn();
         Ok(())
     }
+
+    /// Uploads what has been decoded since, without drawing it.
+    ///
+    /// # Errors
+    /// [`EngineError::DeviceTooSmall`].
+    pub fn upload(&mut self, viewer: &mut Viewer) -> Result<(), EngineError> {
+        let mut encoder = self.encoder();
+        let scene = self.prepare(&mut encoder, viewer)?;
+        self.queue.submit([encoder.finish()]);
+        self.scene = Some(scene);
+        Ok(())
+    }
 }
 
 impl Renderer {
+    fn encoder(&self) -> wgpu::CommandEncoder {
+        let label = Some("frame");
+        self.device
+            .create_command_encoder(&wgpu::CommandEncoderDescriptor { label })
+    }
+
+    /// The scene of `viewer`, taken out, with everything that it was given since.
+    fn prepare(
+        &mut self,
+        encoder: &mut wgpu::CommandEncoder,
+        viewer: &mut Viewer,
+    ) -> Result<Scene, EngineError> {
+        let known = self.scene.take();
+        let mut scene = match known.filter(|scene| scene.viewer == viewer.id()) {
+            Some(scene) => scene,
+            None => Scene::new(&self.device, viewer)?,
+        };
+        scene.prepare(&self.device, &self.queue, encoder, viewer)?;
+        Ok(scene)
+    }
+
     fn draw_picture(
         &mut self,
         encoder: &mut wgpu::CommandEncoder,

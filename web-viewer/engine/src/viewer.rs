@@ -6,6 +6,7 @@
 mod colour;
 mod fade;
 mod glide;
+mod jobs;
 mod pick;
 mod plan;
 mod stream;
@@ -23,6 +24,7 @@ use crate::lod::edge_morph::{morph_of, side_modes};
 use crate::lod::residency::restrict;
 use crate::options::{Shade, Transition};
 use crate::residency::fetch::{Delivery, Fetcher, Item};
+use crate::residency::ids::{IdMap, IdSet};
 use crate::residency::page_table::PageTable;
 use crate::residency::textures::{Key, TextureChange};
 use crate::residency::upload::{ClusterUpload, MAX_LAYERS, Upload};
@@ -30,7 +32,7 @@ use crate::section::HalfSpace;
 use crate::stats::{CacheStats, PageStats};
 use crate::{Camera, EngineError, InputEvent, Request, RequestId, Stats, ViewerOptions, Viewport};
 use marquetry_format::{ContentKind, Document, NodeId, PageId};
-use std::collections::{BTreeSet, HashMap, HashSet};
+use std::collections::BTreeSet;
 use std::sync::atomic::{AtomicU64, Ordering};
 
 /// Seconds without a camera move after which hysteresis ends, so that a settled picture depends on the view alone.
@@ -63,8 +65,8 @@ pub struct Viewer {
     budget_step: u32,
     wanted: Wanted,
     needed: Vec<Needed>,
-    needed_index: HashMap<PageId, usize>,
-    pinned: HashSet<PageId>,
+    needed_index: IdMap<PageId, usize>,
+    pinned: IdSet<PageId>,
     target: Cut,
     drawn: Drawn,
     draw_list: DrawList,
@@ -76,6 +78,7 @@ pub struct Viewer {
     table: PageTable,
     fetcher: Fetcher,
     fetched: u64,
+    jobs: jobs::Jobs,
     colour: Option<ColourLayer>,
     /// Whether tiles were fading in at the last update.
     was_fading: bool,
@@ -171,8 +174,8 @@ impl Viewer {
                 blocks: BTreeSet::new(),
             },
             needed: Vec::new(),
-            needed_index: HashMap::new(),
-            pinned: HashSet::new(),
+            needed_index: IdMap::default(),
+            pinned: IdSet::default(),
             target: coarsest.clone(),
             drawn: Drawn::at_rest(coarsest),
             draw_list: DrawList::default(),
@@ -183,6 +186,7 @@ impl Viewer {
             table,
             fetcher: Fetcher::default(),
             fetched: 0,
+            jobs: jobs::Jobs::default(),
             colour: ColourLayer::new(&document)?,
             was_fading: false,
             seen_textures: Vec::new(),
@@ -402,10 +406,9 @@ impl Viewer {
             || (is_choosing && !self.options.freeze)
             || self.stale.picture
             || !self.is_resting()
-            || self.fetcher.has_arrived()
+            || self.jobs.need_update(self.decoding_waits())
             || self.fetcher.is_pausing()
             || self.colour_needs_update()
-            || self.textures_wait
             || self.is_animating()
     }
 
@@ -535,6 +538,12 @@ impl Viewer {
         self.stale.frame = false;
     }
 
+    /// Whether meshes and images are there that could be decoded.
+    fn decoding_waits(&self) -> [bool; 2] {
+        let tiles_wait = self.colour.as_ref().is_some_and(ColourLayer::has_arrived);
+        [self.fetcher.has_arrived(), tiles_wait || self.textures_wait]
+    }
+
     fn is_resting(&self) -> bool {
         self.clock - self.moved_at >= REST_SECONDS
     }
@@ -589,8 +598,9 @@ impl Viewer {
         }
         let at_once =
             self.options.transition == Transition::None || self.options.morph_seconds == 0.0;
+        let mut changes = true;
         // Nothing has been shown yet, or nothing is to be seen of the change.
-        if at_once || self.stats().nodes == 0 {
+        if at_once || self.draws_nothing() {
             self.fade = None;
             self.drawn = Drawn::at_rest(self.target.clone());
         } else {
@@ -600,12 +610,19 @@ impl Viewer {
                 self.fade(step);
             } else {
                 self.fade = None;
-                self.drawn
-                    .advance(&self.target, &self.document.charts, step);
+                let charts = &self.document.charts;
+                changes = self.drawn.advance(&self.target, charts, step);
             }
         }
-        self.pin();
+        if changes {
+            self.pin();
+        }
         self.stale.picture = true;
+    }
+
+    fn draws_nothing(&self) -> bool {
+        let mut lists = self.draw_lists().into_iter();
+        self.cluster_list.nodes == 0 && lists.all(|list| list.instances.is_empty())
     }
 
     /// How `leaf` of `drawn` is drawn; `None` where it is not in the picture.

@@ -1,6 +1,7 @@
 //! Native shell of the engine: window, headless rendering, file and HTTP sources.
 
 mod clicks;
+mod decoders;
 pub mod error;
 pub mod headless;
 mod loader;
@@ -10,6 +11,7 @@ pub mod render;
 pub mod source;
 pub mod window;
 
+pub use decoders::Decoders;
 pub use error::NativeError;
 pub use headless::{Headless, Session};
 pub use picture::Picture;

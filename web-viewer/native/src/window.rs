@@ -2,6 +2,7 @@
 
 use crate::NativeError;
 use crate::clicks::Clicks;
+use crate::decoders::Decoders;
 use crate::headless::device_of;
 use crate::loader::Loader;
 use marquetry_engine::{
@@ -34,20 +35,24 @@ const IDLE_TICK: Duration = Duration::from_millis(50);
 pub fn view(source: &Arc<dyn ByteSource>, options: ViewerOptions) -> Result<(), NativeError> {
     let document = Document::open(source.as_ref(), Limits::default())?;
     let title = format!("{} – Marquetry", document.metadata.source_name);
-    let viewer = Viewer::new(document, options)?;
+    let mut viewer = Viewer::new(document, options)?;
     let window_error = |error: &dyn std::fmt::Display| NativeError::Window(error.to_string());
     let events = EventLoop::<Wake>::with_user_event()
         .build()
         .map_err(|error| window_error(&error))?;
     let proxy: EventLoopProxy<Wake> = events.create_proxy();
-    let loader = Loader::new(source, move || {
+    let wake = move || {
         // Fails only when the window is gone, and then nobody waits.
         let _ = proxy.send_event(Wake);
-    });
+    };
+    let loader = Loader::new(source, wake.clone());
+    let decoders = Decoders::new(wake);
+    decoders.adopt(&mut viewer);
     let mut app = App {
         title,
         viewer,
         loader,
+        decoders,
         shown: None,
         failure: None,
         cursor: [0.0; 2],
@@ -61,7 +66,7 @@ pub fn view(source: &Arc<dyn ByteSource>, options: ViewerOptions) -> Result<(), 
     app.failure.map_or(Ok(()), Err)
 }
 
-/// Something was read.
+/// Something was read or decoded.
 #[derive(Debug, Clone, Copy)]
 struct Wake;
 
@@ -70,6 +75,7 @@ struct App {
     title: String,
     viewer: Viewer,
     loader: Loader,
+    decoders: Decoders,
     shown: Option<Shown>,
     failure: Option<NativeError>,
     cursor: [f64; 2],
@@ -198,8 +204,10 @@ impl App {
         let seconds = now.duration_since(self.last_update).as_secs_f64();
         self.last_update = now;
         self.loader.deliver(&mut self.viewer, Duration::ZERO);
+        self.decoders.collect(&mut self.viewer);
         let requests = self.viewer.update(seconds, shown.viewport());
         self.loader.ask(requests);
+        self.decoders.feed(&mut self.viewer);
         for failure in self.viewer.take_failures() {
             // The picture stays, coarser: this is for whoever started the program.
             eprintln!("marquetry: {failure}; trying again");

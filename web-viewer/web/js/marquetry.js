@@ -9,6 +9,8 @@
 // measure, error. marquetry.d.ts has their details, and all members.
 
 import { Annotations, load as loadAnnotations } from "./annotations.js";
+import { Decoders } from "./decoders.js";
+import { Decoding } from "./decoding.js";
 import { listen } from "./input.js";
 import { Measure } from "./measure.js";
 import { OVERLAY_STYLE, Overlay } from "./overlay.js";
@@ -54,16 +56,18 @@ const STYLE = `
   @media (prefers-color-scheme: light) { .alert { color: #23211e; background: #e7e8ea; } }
 `;
 
-/** The generated module, loaded once for all viewers of the page. */
+/** The generated module, loaded once for all viewers of the page, and the workers that run it as well. */
 let engine;
+let decoders;
 
 function loadEngine() {
   if (engine) return engine;
-  const wasm = fetch(new URL("marquetry_web_bg.wasm", import.meta.url));
+  const wasm = compile(fetch(new URL("marquetry_web_bg.wasm", import.meta.url)));
   wasm.catch(() => {});
   engine = import("./marquetry_web.js")
     .then(async (module) => {
       await module.default({ module_or_path: wasm });
+      decoders ??= new Decoders(await wasm);
       return module;
     })
     .catch((error) => {
@@ -72,6 +76,14 @@ function loadEngine() {
       throw new LoadError(`the viewer itself cannot be loaded: ${error.message}`);
     });
   return engine;
+}
+
+async function compile(fetched) {
+  const response = await fetched;
+  if (!response.ok) throw new Error(`HTTP ${response.status}`);
+  const isNamed = response.headers.get("Content-Type")?.startsWith("application/wasm");
+  // Some hosts do not know what wasm is.
+  return isNamed ? WebAssembly.compileStreaming(response) : WebAssembly.compile(await response.arrayBuffer());
 }
 
 export class MarquetryViewer extends HTMLElement {
@@ -106,6 +118,8 @@ export class MarquetryViewer extends HTMLElement {
   #recoveries = [];
   #replaced = false;
   #identityChecked = 0;
+  /** What is decoded where. */
+  #decoding = null;
 
   constructor() {
     super();
@@ -277,6 +291,7 @@ export class MarquetryViewer extends HTMLElement {
   stats() {
     if (!this.#view) return null;
     const stats = JSON.parse(this.#view.stats());
+    stats.decoding = this.#decoding.stats;
     stats.network = { requests: this.#source.requests, bytes: this.#source.bytes };
     return stats;
   }
@@ -349,6 +364,7 @@ export class MarquetryViewer extends HTMLElement {
       // The view takes it over, also when it refuses it.
       opener = null;
       this.#view = new module.View(this.#gpu, opened);
+      this.#decoding = new Decoding(this.#view, decoders, () => this.#wake());
       this.#applyAll(kept);
       this.#resize();
       this.#wake();
@@ -391,6 +407,8 @@ export class MarquetryViewer extends HTMLElement {
     this.#lastTime = 0;
     this.#view?.free();
     this.#view = null;
+    this.#decoding?.end();
+    this.#decoding = null;
     this.#source = null;
     this.#ready = false;
     this.#settled = false;
@@ -560,6 +578,7 @@ export class MarquetryViewer extends HTMLElement {
     const start = performance.now();
     let drew;
     try {
+      this.#decoding.decodeHere(1000 * step);
       drew = view.frame(Math.min(Math.max(step, 0), LONGEST_STEP), false);
     } catch (error) {
       if (view.isLost) {
@@ -579,6 +598,7 @@ export class MarquetryViewer extends HTMLElement {
     this.#lastTime = again ? time : 0;
     if (again) this.#wake();
     if (drew) this.#placeOverlay();
+    this.#decoding.feed();
     this.#report(drew);
     // Whoever listened may have loaded another file.
     if (this.#view === view) this.#fetchAll();

@@ -35,6 +35,8 @@ export interface Stats {
   failures: number;
   error_px: number | null;
   adapter: string;
+  /** Workers, images that they decoded, and what was decoded on the page's own thread, with the milliseconds it took. */
+  decoding: { workers: number; by_workers: number; here: { images: number; meshes: number; ms: number } };
   network: Cost;
 }
 

@@ -5,10 +5,13 @@
 //! `opener::Opener` turns the first bytes into a document, `gpu::Gpu` a canvas into a device, and
 //! `view::View` both into pictures.
 //!
-//! Limit: pages are decoded on the main thread, a few a frame.
+//! Images are decoded by workers (`js/decoders.js`), which run [`decoder`]'s function in a module of their own; meshes here, as long as
+//! JavaScript's clock says. What was measured is in `ARCHITECTURE.md`.
 
 pub mod report;
 
+#[cfg(target_arch = "wasm32")]
+pub mod decoder;
 #[cfg(target_arch = "wasm32")]
 pub mod gpu;
 #[cfg(target_arch = "wasm32")]

@@ -1,11 +1,12 @@
 //! A file on a canvas.
 
+use crate::decoder::Away;
 use crate::gpu::{Context, Gpu};
 use crate::opener::Opener;
 use crate::report::{FrameTimes, stats_json};
 use marquetry_engine::{
-    Camera, InputEvent, Key, Modifiers, PointerButton, PointerKind, Renderer, Request, RequestId,
-    RequestKind, Shade, Viewer, ViewerOptions, Viewport,
+    Camera, Decoding, InputEvent, Key, Modifiers, PointerButton, PointerKind, Renderer, Request,
+    RequestId, RequestKind, Shade, Viewer, ViewerOptions, Viewport,
 };
 use std::rc::Rc;
 use wasm_bindgen::prelude::*;
@@ -19,7 +20,8 @@ const ALT: u8 = 4;
 #[wasm_bindgen]
 #[derive(Debug)]
 pub struct View {
-    viewer: Viewer,
+    pub(crate) viewer: Viewer,
+    pub(crate) away: Away,
     renderer: Renderer,
     gpu: Rc<Context>,
     viewport: Viewport,
@@ -40,12 +42,14 @@ impl View {
         let document = opener
             .into_document()
             .ok_or_else(|| JsError::new("the file is not open"))?;
-        let viewer = Viewer::new(document, ViewerOptions::default())?;
+        let mut viewer = Viewer::new(document, ViewerOptions::default())?;
+        viewer.set_decoding(Decoding::Elsewhere);
         let gpu = Rc::clone(&gpu.context);
         let renderer = Renderer::new(&gpu.device, &gpu.queue, gpu.format);
         let viewport = Viewport::new(1, 1);
         Ok(Self {
             viewer,
+            away: Away::default(),
             renderer,
             gpu,
             viewport,

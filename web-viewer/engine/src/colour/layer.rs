@@ -5,13 +5,13 @@ use super::map::{MapPlace, Shown, TileMap};
 use super::slots::tile_bytes;
 use super::store::TileStore;
 use super::stream::{Item, TileStream};
-use super::upload::TileUpload;
+use super::upload::{Mip, TileUpload};
 use crate::camera::View;
 use crate::lod::desire::Forest;
 use crate::residency::fetch::{Request, RequestId};
+use crate::residency::ids::{IdMap, IdSet};
 use crate::stats::TileStats;
-use marquetry_format::{ColourIndex, Document, Error, Limits, NodeId, TileId};
-use std::collections::{HashMap, HashSet};
+use marquetry_format::{ColourIndex, Document, Error, ImageTask, Limits, NodeId, TileId};
 
 /// Steps of the texel size to a factor of two, and the last of them.
 const BUDGET_STEPS_PER_OCTAVE: f64 = 4.0;
@@ -28,8 +28,8 @@ pub struct ColourLayer {
     stream: TileStream,
     wanted: WantedTiles,
     /// By tile: its place in `wanted`.
-    places: HashMap<TileId, usize>,
-    pinned: HashSet<TileId>,
+    places: IdMap<TileId, usize>,
+    pinned: IdSet<TileId>,
     map: TileMap,
     fetched: u64,
     /// When the last tile came.
@@ -49,8 +49,8 @@ impl ColourLayer {
             store: TileStore::default(),
             stream: TileStream::default(),
             wanted: WantedTiles::default(),
-            places: HashMap::new(),
-            pinned: HashSet::new(),
+            places: IdMap::default(),
+            pinned: IdSet::default(),
             map: TileMap::default(),
             fetched: 0,
             changed_at: f64::NEG_INFINITY,
@@ -93,44 +93,58 @@ impl ColourLayer {
         });
     }
 
-    /// Decodes at most `most` of the tiles that arrived; whether the picture changes.
-    pub fn decode_arrived(&mut self, now: f64, capacity_bytes: u64, most: usize) -> bool {
-        let mut changed = false;
-        let mut left = most;
-        while left > 0
-            && let Some((tile, bytes)) = self.stream.take_arrived()
-        {
+    /// The next tile to decode, room being made for it within `capacity_bytes`.
+    pub fn next_task(&mut self, now: f64, capacity_bytes: u64) -> Option<(TileId, ImageTask)> {
+        while let Some(tile) = self.stream.first_arrived() {
             let wanted = self
                 .places
                 .get(&tile)
-                .and_then(|p| self.wanted.tiles.get(*p));
-            let Some(chart) = wanted.map(|wanted| wanted.node.chart) else {
+                .and_then(|place| self.wanted.tiles.get(*place));
+            let chart = wanted.map(|wanted| wanted.node.chart);
+            let Some((chart, size)) =
+                chart.and_then(|chart| Some((chart, self.index.size(chart)?)))
+            else {
+                self.stream.forget(tile);
                 continue;
             };
-            left -= 1;
-            match (
-                self.index.decode(chart, tile, &bytes),
-                self.index.size(chart),
-            ) {
-                (Ok(texels), Some(size)) => {
-                    let room = tile_bytes(size);
-                    if self.store.make_room(room, capacity_bytes, &self.pinned)
-                        && self.store.insert(tile, size, &texels, now)
-                    {
-                        self.fetched += 1;
-                        self.changed_at = now;
-                        changed = true;
-                    }
-                    self.stream.succeed(Item::Tile(tile));
-                }
-                (Err(error), _) => {
-                    let words = format!("colour tile {}: {error}", tile.0);
-                    self.stream.fail(now, &[Item::Tile(tile)], words);
-                }
-                (Ok(_), None) => {}
+            if !self.store.reserve(tile, size, capacity_bytes, &self.pinned) {
+                return None;
+            }
+            let frame = self.stream.begin_decoding(tile);
+            match self.index.task(chart, tile, frame) {
+                Ok(task) => return Some((tile, task)),
+                Err(error) => self.fail(now, tile, &error.to_string()),
             }
         }
-        changed
+        None
+    }
+
+    /// Takes what came of a tile; whether the picture changes. Dropped where it is not wanted any more.
+    pub fn take_in(&mut self, now: f64, tile: TileId, decoded: Result<Vec<Mip>, String>) -> bool {
+        match decoded {
+            Err(reason) => self.fail(now, tile, &reason),
+            Ok(_) if !self.places.contains_key(&tile) => self.let_go(tile),
+            Ok(mips) => {
+                self.store.insert(tile, mips, now);
+                self.stream.end_decoding(tile);
+                self.stream.succeed(Item::Tile(tile));
+                self.fetched += 1;
+                self.changed_at = now;
+                return true;
+            }
+        }
+        false
+    }
+
+    fn fail(&mut self, now: f64, tile: TileId, reason: &str) {
+        self.let_go(tile);
+        let words = format!("colour tile {}: {reason}", tile.0);
+        self.stream.fail(now, &[Item::Tile(tile)], words);
+    }
+
+    fn let_go(&mut self, tile: TileId) {
+        self.store.release(tile);
+        self.stream.end_decoding(tile);
     }
 
     /// What to fetch now. `spare` requests are left by the pages.
@@ -201,9 +215,14 @@ impl ColourLayer {
             && self.missing().next().is_none()
     }
 
-    /// Whether an update has a point before a delivery comes.
-    pub fn needs_update(&self) -> bool {
-        self.stream.has_arrived() || self.stream.is_pausing()
+    /// Whether tiles wait to be decoded.
+    pub fn has_arrived(&self) -> bool {
+        self.stream.has_arrived()
+    }
+
+    /// Whether something that failed is waiting to be asked for again.
+    pub fn is_pausing(&self) -> bool {
+        self.stream.is_pausing()
     }
 
     /// Tiles wanted, and how many of them are missing.

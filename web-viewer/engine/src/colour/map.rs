@@ -196,8 +196,9 @@ fn narrow(value: f64) -> f32 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::residency::ids::IdSet;
     use crate::testing::{Random, Shape, random_finest};
-    use marquetry_format::{ChartId, Document, Limits, TileTexels};
+    use marquetry_format::{ChartId, Document, Limits};
 
     /// The shader's look-up: texture coordinates and layer at (u, v) of a node.
     fn look_up(map: &TileMap, place: MapPlace, u: f64, v: f64) -> Option<[f64; 3]> {
@@ -279,15 +280,11 @@ mod tests {
         index.load(&file).unwrap();
         let mut store = TileStore::default();
         let size = index.size(ChartId(0)).unwrap();
-        let texels = TileTexels {
-            width: 12,
-            height: 12,
-            rgb: vec![0; 432],
-        };
         let mut wanted = Vec::new();
         for tile in (0..index.tile_count()).map(TileId) {
             if random.below(3) > 0 {
-                store.insert(tile, size, &texels, 0.0);
+                assert!(store.reserve(tile, size, u64::MAX, &IdSet::default()));
+                store.insert(tile, Vec::new(), 0.0);
             }
             if random.below(8) > 0 {
                 wanted.push(tile);

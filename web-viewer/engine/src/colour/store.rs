@@ -1,10 +1,10 @@
 //! Resident tiles: which slot each has, since when, and which was used longest ago.
 
-use super::slots::{TileSlot, TileSlots};
-use super::upload::{LightTables, TileUpload};
+use super::slots::{TileSlot, TileSlots, tile_bytes};
+use super::upload::{Mip, TileUpload};
+use crate::residency::ids::{IdMap, IdSet};
 use crate::residency::lru::Lru;
-use marquetry_format::{TexelSize, TileId, TileTexels};
-use std::collections::{HashMap, HashSet};
+use marquetry_format::{TexelSize, TileId};
 
 /// A tile in memory.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -19,10 +19,11 @@ pub struct Resident {
 #[derive(Debug, Default)]
 pub struct TileStore {
     slots: TileSlots,
-    resident: HashMap<TileId, Resident>,
+    resident: IdMap<TileId, Resident>,
+    /// Slots of tiles that are being decoded.
+    reserved: IdMap<TileId, TileSlot>,
     lru: Lru<TileId>,
     uploads: Vec<TileUpload>,
-    tables: LightTables,
     used_bytes: u64,
     evictions: u64,
 }
@@ -36,14 +37,39 @@ impl TileStore {
     /// Marks tiles as used now.
     pub fn touch(&mut self, tiles: impl Iterator<Item = TileId>) {
         for tile in tiles {
-            if self.resident.contains_key(&tile) {
-                self.lru.touch(tile);
-            }
+            self.lru.touch_known(tile);
         }
     }
 
-    /// Makes room for `bytes` within `capacity_bytes`, without evicting what is pinned; whether there is room.
-    pub fn make_room(&mut self, bytes: u64, capacity_bytes: u64, pinned: &HashSet<TileId>) -> bool {
+    /// Makes room within `capacity_bytes` for a tile that is to be decoded, without evicting what is pinned; whether there
+    /// is room.
+    pub fn reserve(
+        &mut self,
+        tile: TileId,
+        size: TexelSize,
+        capacity_bytes: u64,
+        pinned: &IdSet<TileId>,
+    ) -> bool {
+        if !self.make_room(tile_bytes(size), capacity_bytes, pinned) {
+            return false;
+        }
+        let Some(slot) = self.slots.allocate(size) else {
+            return false;
+        };
+        self.used_bytes += slot.bytes();
+        self.reserved.insert(tile, slot);
+        true
+    }
+
+    /// Gives up the room of a tile that is not to come.
+    pub fn release(&mut self, tile: TileId) {
+        if let Some(slot) = self.reserved.remove(&tile) {
+            self.used_bytes -= slot.bytes();
+            self.slots.free(slot);
+        }
+    }
+
+    fn make_room(&mut self, bytes: u64, capacity_bytes: u64, pinned: &IdSet<TileId>) -> bool {
         while self.used_bytes + bytes > capacity_bytes {
             let oldest = self.lru.oldest_first().find(|tile| !pinned.contains(tile));
             let Some(tile) = oldest else { return false };
@@ -59,17 +85,14 @@ impl TileStore {
         true
     }
 
-    /// Takes a decoded tile; whether there was a slot for it.
-    pub fn insert(&mut self, tile: TileId, size: TexelSize, texels: &TileTexels, now: f64) -> bool {
-        let Some(slot) = self.slots.allocate(size) else {
-            return false;
+    /// Takes a decoded tile to the room that was reserved for it.
+    pub fn insert(&mut self, tile: TileId, mips: Vec<Mip>, now: f64) {
+        let Some(slot) = self.reserved.remove(&tile) else {
+            return;
         };
-        self.uploads
-            .push(TileUpload::new(slot, texels, &self.tables));
-        self.used_bytes += slot.bytes();
+        self.uploads.push(TileUpload { slot, mips });
         self.resident.insert(tile, Resident { slot, since: now });
         self.lru.touch(tile);
-        true
     }
 
     /// Uploads since this was last called.
@@ -82,7 +105,7 @@ impl TileStore {
         self.slots.layers()
     }
 
-    /// Bytes on the GPU.
+    /// Bytes on the GPU, those of tiles that are being decoded included.
     pub fn used_bytes(&self) -> u64 {
         self.used_bytes
     }

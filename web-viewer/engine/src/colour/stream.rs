@@ -49,6 +49,7 @@ pub struct TileStream {
     pending: BTreeSet<Item>,
     retries: BTreeMap<Item, Retry>,
     arrived: BTreeMap<TileId, Vec<u8>>,
+    decoding: BTreeSet<TileId>,
     words: Vec<String>,
     next_id: u64,
     failures: u64,
@@ -185,9 +186,25 @@ impl TileStream {
         self.retries.remove(&item);
     }
 
-    /// The first tile that waits to be decoded, taken out.
-    pub fn take_arrived(&mut self) -> Option<(TileId, Vec<u8>)> {
-        self.arrived.pop_first()
+    /// The first tile that waits to be decoded.
+    pub fn first_arrived(&self) -> Option<TileId> {
+        self.arrived.keys().next().copied()
+    }
+
+    /// Forgets the bytes of a tile that waits.
+    pub fn forget(&mut self, tile: TileId) {
+        self.arrived.remove(&tile);
+    }
+
+    /// The bytes of a tile that waits, for decoding; it is not asked for until that has ended.
+    pub fn begin_decoding(&mut self, tile: TileId) -> Vec<u8> {
+        self.decoding.insert(tile);
+        self.arrived.remove(&tile).unwrap_or_default()
+    }
+
+    /// Notes that a tile was decoded, or will not be.
+    pub fn end_decoding(&mut self, tile: TileId) {
+        self.decoding.remove(&tile);
     }
 
     /// Whether tiles wait to be decoded.
@@ -227,7 +244,8 @@ impl TileStream {
     }
 
     fn may_ask(&self, now: f64, item: Item) -> bool {
-        let waiting = matches!(item, Item::Tile(tile) if self.arrived.contains_key(&tile));
+        let waiting = matches!(item, Item::Tile(tile)
+            if self.arrived.contains_key(&tile) || self.decoding.contains(&tile));
         let retry = self.retries.get(&item);
         !waiting
             && !self.pending.contains(&item)

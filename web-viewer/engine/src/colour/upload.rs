@@ -1,8 +1,8 @@
 //! Texels with their mips, on their way to a slot.
 
-use super::slots::{MARGIN, MIPS, TileSlot};
+use super::slots::{MIPS, TileSlot};
 use marquetry_format::TileTexels;
-use marquetry_format::colour::GUTTER;
+use std::sync::LazyLock;
 
 /// One mip: RGBA, sRGB.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -70,6 +70,12 @@ impl Default for LightTables {
 }
 
 impl LightTables {
+    /// Tables made once, for all threads.
+    pub fn shared() -> &'static Self {
+        static TABLES: LazyLock<LightTables> = LazyLock::new(LightTables::default);
+        &TABLES
+    }
+
     fn mean(&self, texels: [[u8; 4]; 4]) -> [u8; 4] {
         let channel = |k: usize| {
             let sum: f32 = texels.iter().map(|t| self.linear[usize::from(t[k])]).sum();
@@ -83,14 +89,6 @@ impl LightTables {
             self.srgb.get(index).copied().unwrap_or(255)
         };
         [channel(0), channel(1), channel(2), 255]
-    }
-}
-
-impl TileUpload {
-    /// Repeats the outermost texels over the margin and makes the mips.
-    pub fn new(slot: TileSlot, tile: &TileTexels, tables: &LightTables) -> Self {
-        let mips = mips(tile, MARGIN - GUTTER, tables);
-        Self { slot, mips }
     }
 }
 
@@ -155,22 +153,13 @@ mod tests {
                 .flat_map(|k| column(k % width))
                 .collect(),
         };
-        let slot = TileSlot {
-            x: 0,
-            y: 0,
-            layer: 0,
-            side: 24,
-        };
-        let upload = TileUpload::new(slot, &tile, &LightTables::default());
-        let sizes: Vec<u32> = upload.mips.iter().map(|mip| mip.width).collect();
+        let mips = mips(&tile, 6, LightTables::shared());
+        let sizes: Vec<u32> = mips.iter().map(|mip| mip.width).collect();
         assert_eq!(sizes, [24, 12, 6, 3]);
         let rows = |mip: &Mip| mip.rgba[..mip.width as usize].to_vec();
-        assert_eq!(rows(&upload.mips[0])[..7], [[255; 4]; 7]);
+        assert_eq!(rows(&mips[0])[..7], [[255; 4]; 7]);
         // The six texels of the margin, then three pairs of black and white; half the light is sRGB 188.
         let grey = [188, 188, 188, 255];
-        assert_eq!(
-            rows(&upload.mips[1])[..6],
-            [[[255; 4]; 3], [grey; 3]].concat()
-        );
+        assert_eq!(rows(&mips[1])[..6], [[[255; 4]; 3], [grey; 3]].concat());
     }
 }

@@ -37,10 +37,11 @@ impl Drawn {
         self.morphs.is_empty() && self.cut == *target
     }
 
-    /// Moves towards `target`, which is balanced, by at most `step` in every morph (0 < `step`; 1 is the whole way).
-    pub fn advance(&mut self, target: &Cut, charts: &[Chart], step: f32) {
+    /// Moves towards `target`, which is balanced, by at most `step` in every morph (0 < `step`; 1 is the whole way). Whether
+    /// another cut is drawn than before.
+    pub fn advance(&mut self, target: &Cut, charts: &[Chart], step: f32) -> bool {
         // Clusters have nothing to move between.
-        self.cut.take_clusters_of(target);
+        let mut changes = self.cut.take_clusters_of(target);
         let leaves = self.cut.leaves();
         let mut merging = Vec::new();
         for leaf in &leaves {
@@ -62,17 +63,19 @@ impl Drawn {
             }
         }
         for leaf in merging {
-            self.merge(charts, leaf);
+            changes |= self.merge(charts, leaf);
         }
         for leaf in leaves {
             if self.may_refine(target, charts, leaf) {
                 self.cut.refine(leaf);
+                changes = true;
                 let mut finer = Vec::new();
                 self.cut.leaves_below(leaf.node, None, &mut finer);
                 self.morphs
                     .extend(finer.into_iter().map(|leaf| (leaf.node, 1.0)));
             }
         }
+        changes
     }
 
     /// Whether `leaf` and those that merge with it want to, and no finer neighbour is in the way.
@@ -88,8 +91,8 @@ impl Drawn {
         })
     }
 
-    /// Replaces `leaf` and its siblings by the coarser surface that they all show; a no-op while one is still on its way.
-    fn merge(&mut self, charts: &[Chart], leaf: Leaf) {
+    /// Replaces `leaf` and its siblings by the coarser surface that they all show; not while one is still on its way. Whether it did.
+    fn merge(&mut self, charts: &[Chart], leaf: Leaf) -> bool {
         let group = merge_group(leaf);
         let ready = group.iter().flatten().all(|sibling| {
             self.cut.contains(*sibling)
@@ -99,7 +102,7 @@ impl Drawn {
                     .all(|side| self.cut.across(charts, *sibling, *side) != Across::Finer)
         });
         if !ready {
-            return;
+            return false;
         }
         for sibling in group.iter().flatten() {
             self.morphs.remove(&sibling.node);
@@ -108,6 +111,7 @@ impl Drawn {
             None => self.cut.set_root(leaf.node.chart, leaf.resolution - 1),
             Some((parent, _)) => self.cut.collapse(parent),
         }
+        true
     }
 
     fn may_refine(&self, target: &Cut, charts: &[Chart], leaf: Leaf) -> bool {

@@ -90,9 +90,13 @@ impl Cut {
         self.split_clusters.clear();
     }
 
-    /// Draws the clusters as `other` does.
-    pub fn take_clusters_of(&mut self, other: &Self) {
-        self.split_clusters.clone_from(&other.split_clusters);
+    /// Draws the clusters as `other` does. Whether that is another way than before.
+    pub fn take_clusters_of(&mut self, other: &Self) -> bool {
+        let changes = self.split_clusters != other.split_clusters;
+        if changes {
+            self.split_clusters.clone_from(&other.split_clusters);
+        }
+        changes
     }
 
     /// Number of charts.

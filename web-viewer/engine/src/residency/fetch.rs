@@ -7,7 +7,7 @@
 
 use marquetry_format::{Document, PageId};
 use std::collections::{BTreeMap, BTreeSet, VecDeque};
-use std::ops::Range;
+use std::ops::{Bound, Range};
 
 /// Most pages in one request.
 const RUN_PAGES: u32 = 64;
@@ -75,7 +75,7 @@ pub enum Delivery {
     Nothing,
     /// The bytes of an index block.
     Block(u32, Vec<u8>),
-    /// Pages, now waiting in [`Fetcher::arrived`].
+    /// Pages, now waiting: see [`Fetcher::next_arrived`].
     Pages,
 }
 
@@ -87,6 +87,7 @@ pub struct Fetcher {
     next_id: u64,
     retries: BTreeMap<Item, Retry>,
     arrived: BTreeMap<PageId, Vec<u8>>,
+    decoding: BTreeSet<PageId>,
     words: VecDeque<String>,
     failures: u64,
     requested: u64,
@@ -246,9 +247,11 @@ impl Fetcher {
         self.retries.remove(&item);
     }
 
-    /// Pages whose bytes wait to be decoded, parents first.
-    pub fn arrived(&self) -> Vec<PageId> {
-        self.arrived.keys().copied().collect()
+    /// The first page behind `last` whose bytes wait to be decoded; parents come before children.
+    pub fn next_arrived(&self, last: Option<PageId>) -> Option<PageId> {
+        let from = last.map_or(Bound::Unbounded, Bound::Excluded);
+        let mut behind = self.arrived.range((from, Bound::Unbounded));
+        behind.next().map(|(page, _)| *page)
     }
 
     /// Whether pages wait to be decoded.
@@ -256,14 +259,20 @@ impl Fetcher {
         !self.arrived.is_empty()
     }
 
-    /// The bytes of a page that waits.
-    pub fn bytes_of(&self, page: PageId) -> Option<&[u8]> {
-        self.arrived.get(&page).map(Vec::as_slice)
+    /// Forgets the bytes of pages that wait and are not wanted any more.
+    pub fn want_only(&mut self, is_wanted: impl Fn(PageId) -> bool) {
+        self.arrived.retain(|page, _| is_wanted(*page));
     }
 
-    /// Forgets the bytes of a page.
-    pub fn forget(&mut self, page: PageId) {
-        self.arrived.remove(&page);
+    /// The bytes of a page that waits, for decoding; it is not asked for until that has ended.
+    pub fn begin_decoding(&mut self, page: PageId) -> Vec<u8> {
+        self.decoding.insert(page);
+        self.arrived.remove(&page).unwrap_or_default()
+    }
+
+    /// Notes that a page was decoded, or will not be.
+    pub fn end_decoding(&mut self, page: PageId) {
+        self.decoding.remove(&page);
     }
 
     /// Whether something that failed is waiting for its pause to end.
@@ -313,7 +322,8 @@ impl Fetcher {
     }
 
     fn may_ask(&self, now: f64, item: Item) -> bool {
-        let waiting = matches!(item, Item::Page(page) if self.arrived.contains_key(&page));
+        let waiting = matches!(item, Item::Page(page)
+            if self.arrived.contains_key(&page) || self.decoding.contains(&page));
         !waiting
             && !self.pending.contains(&item)
             && self
@@ -430,15 +440,25 @@ mod tests {
         }
         let mut sorted = pages.clone();
         sorted.sort_unstable();
-        assert_eq!(fetcher.arrived(), sorted);
-        for page in pages {
-            let entry = document.page(page).unwrap();
+        let arrived = std::iter::successors(fetcher.next_arrived(None), |last| {
+            fetcher.next_arrived(Some(*last))
+        });
+        assert_eq!(arrived.collect::<Vec<_>>(), sorted);
+        for page in &pages {
+            let entry = document.page(*page).unwrap();
             let start = usize::try_from(entry.offset).unwrap();
             assert_eq!(
-                fetcher.bytes_of(page).unwrap(),
+                fetcher.begin_decoding(*page),
                 &file[start..start + entry.length as usize]
             );
         }
+        // What is being decoded is not asked for, what was decoded and is still wanted is.
+        let ask = |fetcher: &mut Fetcher| {
+            fetcher.schedule(0.0, 1000, &document, &BTreeSet::new(), &pages)
+        };
+        assert!(!fetcher.has_arrived() && ask(&mut fetcher).is_empty());
+        fetcher.end_decoding(pages[0]);
+        assert_eq!(ask(&mut fetcher).len(), 1);
     }
 
     #[test]

@@ -1,17 +1,20 @@
 //! The resident pages: their slots, the samples that children are decoded from, and what they cost.
 //!
-//! The budget is hard: a page that does not fit after evicting everything evictable is not taken. Pinned pages (those of
-//! the cut that is drawn or wanted) and pages with a resident child are not evictable.
+//! The budget is hard: a page that does not fit after evicting everything evictable is not taken. Room is reserved before a
+//! page is decoded, so what is under way is in the budget as well. Pinned pages (those of the cut that is drawn or wanted) and
+//! pages with a child that is resident or being decoded are not evictable.
 
+use super::ids::{IdMap, IdSet};
 use super::lru::Lru;
-use super::textures::{Key, Seen, TextureChange, TexturePool};
+use super::textures::{Key, Lending, Seen, TextureChange, TexturePool, Ticket};
 use super::upload::{
     CLUSTER_SLOT_BYTES, COLOURED_SAMPLE_BYTES, ClusterSlots, ClusterUpload, SAMPLE_BYTES, Slot,
     SlotAllocator, Upload,
 };
+use crate::colour::upload::Mip;
 use marquetry_format::cluster::ClusterTexture;
 use marquetry_format::{ClusterMesh, Document, PageId, PageSamples};
-use std::collections::{HashMap, HashSet};
+use std::sync::Arc;
 
 /// Bytes of one sample kept for decoding children: positions and normals with targets.
 const KEPT_BYTES: u64 = 2 * (12 + 2);
@@ -32,8 +35,8 @@ enum Place {
 /// What stays of a page in the CPU's memory.
 #[derive(Debug)]
 enum Kept {
-    /// Everything where the page has children, else the positions alone.
-    Samples(PageSamples),
+    /// Everything where the page has children, else the positions alone. Shared with jobs that decode children.
+    Samples(Arc<PageSamples>),
     /// Positions, triangles and texture.
     Cluster(ClusterMesh),
 }
@@ -48,10 +51,28 @@ struct Resident {
     bytes: u64,
 }
 
+/// Room for a page that is being decoded.
+#[derive(Debug, Clone, Copy)]
+struct Reserved {
+    place: Place,
+    parent: Option<PageId>,
+    bytes: u64,
+}
+
+/// What pages may take.
+#[derive(Debug, Clone, Copy)]
+pub struct Budget<'a> {
+    /// Most bytes.
+    pub capacity_bytes: u64,
+    /// Pages that are not evicted.
+    pub pinned: &'a IdSet<PageId>,
+}
+
 /// All resident pages of one file, and the base.
 #[derive(Debug, Default)]
 pub struct PageTable {
-    pages: HashMap<PageId, Resident>,
+    pages: IdMap<PageId, Resident>,
+    reserved: IdMap<PageId, Reserved>,
     lru: Lru<PageId>,
     slots: SlotAllocator,
     base: Vec<Slot>,
@@ -119,7 +140,7 @@ impl PageTable {
     }
 
     /// The samples of a resident page; of one without children, the positions alone.
-    pub fn samples(&self, page: PageId) -> Option<&PageSamples> {
+    pub fn samples(&self, page: PageId) -> Option<&Arc<PageSamples>> {
         match &self.pages.get(&page)?.kept {
             Kept::Samples(samples) => Some(samples),
             Kept::Cluster(_) => None,
@@ -134,14 +155,15 @@ impl PageTable {
         }
     }
 
-    /// Decodes textures of clusters that are `seen`, the most important first, with how often their sides are halved, `most` of them now; see [`TexturePool::show`].
-    pub fn show_textures(
+    /// Lends parts to clusters that are `seen`, the most important first, with how often the sides of their images are halved; see
+    /// [`TexturePool::lend`].
+    pub fn lend_textures(
         &mut self,
         document: &Document,
         seen: &[(Key, u8)],
         capacity_bytes: u64,
         most: usize,
-    ) -> bool {
+    ) -> Lending {
         let root = document
             .clusters
             .as_ref()
@@ -162,7 +184,17 @@ impl PageTable {
                 })
             })
             .collect();
-        self.textures.show(&seen, capacity_bytes, most)
+        self.textures.lend(&seen, capacity_bytes, most)
+    }
+
+    /// Takes what came of an image; see [`TexturePool::finish`].
+    pub fn finish_texture(&mut self, ticket: Ticket, decoded: Result<Vec<Mip>, String>) {
+        self.textures.finish(ticket, decoded);
+    }
+
+    /// Whether changes of textures wait.
+    pub fn has_texture_changes(&self) -> bool {
+        self.textures.has_changes()
     }
 
     /// Changes of textures that have not been taken yet, in order.
@@ -188,42 +220,86 @@ impl PageTable {
     /// Marks pages as used.
     pub fn touch(&mut self, pages: impl Iterator<Item = PageId>) {
         for page in pages {
-            if self.pages.contains_key(&page) {
-                self.lru.touch(page);
+            self.lru.touch_known(page);
+        }
+    }
+
+    /// Makes room for a page of samples that is to be decoded and takes `bytes`, evicting what was used longest ago and is
+    /// not in `pinned`. Whether it fits.
+    pub fn reserve_samples(
+        &mut self,
+        page: PageId,
+        parent: Option<PageId>,
+        resolution: u8,
+        bytes: u64,
+        budget: Budget<'_>,
+    ) -> bool {
+        let place = |table: &mut Self| table.slots.allocate(resolution).map(Place::Texels);
+        self.reserve(page, parent, bytes, budget, place)
+    }
+
+    /// Makes room for the mesh of a cluster, as [`PageTable::reserve_samples`].
+    pub fn reserve_cluster(
+        &mut self,
+        page: PageId,
+        parent: Option<PageId>,
+        bytes: u64,
+        budget: Budget<'_>,
+    ) -> bool {
+        let place = |table: &mut Self| table.cluster_slots.allocate().map(Place::Cluster);
+        self.reserve(page, parent, bytes, budget, place)
+    }
+
+    fn reserve(
+        &mut self,
+        page: PageId,
+        parent: Option<PageId>,
+        bytes: u64,
+        budget: Budget<'_>,
+        place: impl FnOnce(&mut Self) -> Option<Place>,
+    ) -> bool {
+        // Before room is made, so that the parent stays.
+        self.count_child(parent, true);
+        let fits = self.make_room(bytes, budget);
+        let Some(place) = fits.then(|| place(self)).flatten() else {
+            self.count_child(parent, false);
+            return false;
+        };
+        self.used_bytes += bytes;
+        let reserved = Reserved {
+            place,
+            parent,
+            bytes,
+        };
+        self.reserved.insert(page, reserved);
+        true
+    }
+
+    /// Gives up the room of a page that is not to come.
+    pub fn release(&mut self, page: PageId) {
+        if let Some(reserved) = self.reserved.remove(&page) {
+            self.count_child(reserved.parent, false);
+            self.used_bytes = self.used_bytes.saturating_sub(reserved.bytes);
+            match reserved.place {
+                Place::Texels(slot) => self.slots.free(slot),
+                Place::Cluster(slot) => self.cluster_slots.free(slot),
             }
         }
     }
 
-    /// Makes room for a page of `bytes`, evicting what was used longest ago and is not in `pinned`. Whether it fits.
-    pub fn make_room(&mut self, bytes: u64, capacity_bytes: u64, pinned: &HashSet<PageId>) -> bool {
-        while self.used_bytes.saturating_add(bytes) > capacity_bytes {
-            let victim = self
-                .lru
-                .oldest_first()
-                .find(|page| self.is_evictable(*page, pinned));
-            let Some(victim) = victim else { return false };
-            self.evict(victim);
-        }
-        true
-    }
-
-    /// Takes a decoded page; whether there was a slot for it. Room must have been made.
-    pub fn insert(
-        &mut self,
-        page: PageId,
-        parent: Option<PageId>,
-        samples: PageSamples,
-        has_children: bool,
-    ) -> bool {
-        let Some(slot) = self.slots.allocate(samples.resolution) else {
+    /// Takes a decoded page to the room that was reserved for it; false where that is room for something else.
+    pub fn insert(&mut self, page: PageId, samples: PageSamples, has_children: bool) -> bool {
+        let Some(&Reserved {
+            place: Place::Texels(slot),
+            ..
+        }) = self.reserved.get(&page)
+        else {
             return false;
         };
+        if slot.resolution != samples.resolution {
+            return false;
+        }
         self.uploads.push(Upload::pack(slot, &samples));
-        let bytes = bytes_of(
-            samples.resolution,
-            has_children,
-            !samples.colours.is_empty(),
-        );
         let kept = if has_children {
             samples
         } else {
@@ -233,21 +309,17 @@ impl PageTable {
                 ..PageSamples::default()
             }
         };
-        let place = Place::Texels(slot);
-        self.keep(page, place, Kept::Samples(kept), parent, bytes);
+        self.keep(page, Kept::Samples(Arc::new(kept)));
         true
     }
 
-    /// Takes the decoded mesh of a cluster of `level`, which takes `bytes`; whether there was a slot for it. Room must have been made.
-    pub fn insert_cluster(
-        &mut self,
-        page: PageId,
-        parent: Option<PageId>,
-        level: u8,
-        mesh: ClusterMesh,
-        bytes: u64,
-    ) -> bool {
-        let Some(slot) = self.cluster_slots.allocate() else {
+    /// Takes the decoded mesh of a cluster of `level` to the room that was reserved for it; false as [`PageTable::insert`].
+    pub fn insert_cluster(&mut self, page: PageId, level: u8, mesh: ClusterMesh) -> bool {
+        let Some(&Reserved {
+            place: Place::Cluster(slot),
+            ..
+        }) = self.reserved.get(&page)
+        else {
             return false;
         };
         self.cluster_uploads
@@ -258,12 +330,19 @@ impl PageTable {
             texture: mesh.texture,
             ..ClusterMesh::default()
         });
-        let place = Place::Cluster(slot);
-        self.keep(page, place, kept, parent, bytes);
+        self.keep(page, kept);
         true
     }
 
-    fn keep(&mut self, page: PageId, place: Place, kept: Kept, parent: Option<PageId>, bytes: u64) {
+    fn keep(&mut self, page: PageId, kept: Kept) {
+        let Some(Reserved {
+            place,
+            parent,
+            bytes,
+        }) = self.reserved.remove(&page)
+        else {
+            return;
+        };
         self.pages.insert(
             page,
             Resident {
@@ -274,11 +353,30 @@ impl PageTable {
                 bytes,
             },
         );
-        if let Some(parent) = parent.and_then(|parent| self.pages.get_mut(&parent)) {
-            parent.children_here += 1;
-        }
-        self.used_bytes += bytes;
         self.lru.touch(page);
+    }
+
+    /// Counts a child that is resident or being decoded, or that is not any more.
+    fn count_child(&mut self, parent: Option<PageId>, is_here: bool) {
+        if let Some(parent) = parent.and_then(|parent| self.pages.get_mut(&parent)) {
+            parent.children_here = if is_here {
+                parent.children_here + 1
+            } else {
+                parent.children_here.saturating_sub(1)
+            };
+        }
+    }
+
+    fn make_room(&mut self, bytes: u64, budget: Budget<'_>) -> bool {
+        while self.used_bytes.saturating_add(bytes) > budget.capacity_bytes {
+            let victim = self
+                .lru
+                .oldest_first()
+                .find(|page| self.is_evictable(*page, budget.pinned));
+            let Some(victim) = victim else { return false };
+            self.evict(victim);
+        }
+        true
     }
 
     /// Uploads that have not been taken yet, in order.
@@ -306,7 +404,7 @@ impl PageTable {
         self.slots.layers()
     }
 
-    /// Bytes of evictable pages.
+    /// Bytes of evictable pages, those that are being decoded included.
     pub fn used_bytes(&self) -> u64 {
         self.used_bytes
     }
@@ -321,7 +419,7 @@ impl PageTable {
         self.evictions
     }
 
-    fn is_evictable(&self, page: PageId, pinned: &HashSet<PageId>) -> bool {
+    fn is_evictable(&self, page: PageId, pinned: &IdSet<PageId>) -> bool {
         !pinned.contains(&page)
             && self
                 .pages
@@ -334,12 +432,7 @@ impl PageTable {
         let Some(resident) = self.pages.remove(&page) else {
             return;
         };
-        if let Some(parent) = resident
-            .parent
-            .and_then(|parent| self.pages.get_mut(&parent))
-        {
-            parent.children_here = parent.children_here.saturating_sub(1);
-        }
+        self.count_child(resident.parent, false);
         match resident.place {
             Place::Texels(slot) => {
                 self.uploads.retain(|upload| upload.slot != slot);
@@ -357,7 +450,7 @@ impl PageTable {
 }
 
 fn cluster_slot_of(
-    pages: &HashMap<PageId, Resident>,
+    pages: &IdMap<PageId, Resident>,
     root: Option<u32>,
     page: Option<PageId>,
 ) -> Option<u32> {
@@ -370,7 +463,7 @@ fn cluster_slot_of(
     }
 }
 
-fn texture_of(pages: &HashMap<PageId, Resident>, page: PageId) -> Option<&ClusterTexture> {
+fn texture_of(pages: &IdMap<PageId, Resident>, page: PageId) -> Option<&ClusterTexture> {
     match &pages.get(&page)?.kept {
         Kept::Samples(_) => None,
         Kept::Cluster(mesh) => mesh.texture.as_ref(),
@@ -414,6 +507,21 @@ mod tests {
         }
     }
 
+    fn reserve(
+        table: &mut PageTable,
+        id: u32,
+        parent: Option<u32>,
+        capacity_bytes: u64,
+        pinned: &IdSet<PageId>,
+    ) -> bool {
+        let budget = Budget {
+            capacity_bytes,
+            pinned,
+        };
+        let bytes = bytes_of(5, true, false);
+        table.reserve_samples(PageId(id), parent.map(PageId), 5, bytes, budget)
+    }
+
     fn put(
         table: &mut PageTable,
         id: u32,
@@ -422,8 +530,7 @@ mod tests {
         pinned: &[u32],
     ) -> bool {
         let pinned = pinned.iter().map(|id| PageId(*id)).collect();
-        table.make_room(bytes_of(5, true, false), capacity, &pinned)
-            && table.insert(PageId(id), parent.map(PageId), page(5), true)
+        reserve(table, id, parent, capacity, &pinned) && table.insert(PageId(id), page(5), true)
     }
 
     #[test]
@@ -451,6 +558,27 @@ mod tests {
         );
         assert!(!put(&mut table, 4, None, capacity, &[0, 2, 3]));
         assert_eq!(table.used_bytes(), capacity);
+    }
+
+    #[test]
+    fn room_is_taken_before_decoding_and_holds_the_parent() {
+        let (mut table, nothing) = (PageTable::default(), IdSet::default());
+        let page_bytes = bytes_of(5, true, false);
+        let capacity = 2 * page_bytes;
+        assert!(put(&mut table, 0, None, capacity, &[]));
+        assert!(reserve(&mut table, 1, Some(0), capacity, &nothing));
+        assert_eq!(table.used_bytes(), capacity);
+        assert!(!table.contains(PageId(1)));
+        // Neither the parent nor what is under way gives way.
+        assert!(!reserve(&mut table, 2, None, capacity, &nothing));
+        // A page of another size than was said is refused, and its room given back.
+        assert!(!table.insert(PageId(1), page(4), false));
+        table.release(PageId(1));
+        table.release(PageId(1));
+        assert_eq!(table.used_bytes(), page_bytes);
+        assert!(put(&mut table, 2, None, page_bytes, &[]));
+        assert!(!table.contains(PageId(0)) && table.evictions() == 1);
+        assert_eq!(table.take_uploads().len(), 1);
     }
 
     #[test]

@@ -1,16 +1,19 @@
 //! Textures of clusters on the GPU: parts of layers, lent to the clusters that are seen.
 //!
 //! A part has 256, 128 or 64 texels a side, as many as the picture shows of it. The compressed image stays with its cluster, so
-//! a part that is lost costs decoding, not fetching. A cluster without a part shows the colours of its vertices. Parts are lent in the order
+//! a part that is lost costs decoding, not fetching. A part is lent before the image is decoded; until that is done the cluster shows what
+//! it did before. A cluster without a part shows the colours of its vertices. Parts are lent in the order
 //! in which they are asked for; when there are none left, those are taken back that were seen longest ago, then those that
 //! are larger than they need be.
 
+use super::ids::{IdMap, IdSet};
 use super::lru::Lru;
 use crate::colour::slots::MAX_LAYERS;
-use crate::colour::upload::{LightTables, Mip, mips};
+use crate::colour::upload::Mip;
+use crate::decode::ImageWork;
 use marquetry_format::PageId;
 use marquetry_format::cluster::ClusterTexture;
-use std::collections::{BTreeSet, HashMap, HashSet};
+use std::collections::BTreeSet;
 
 /// Texels a side of the largest part.
 pub const TEXTURE_SIDE: u32 = 256;
@@ -150,6 +153,22 @@ pub struct Seen<'a> {
     pub texture: &'a ClusterTexture,
 }
 
+/// Names one decoding of the image of a cluster.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Ticket {
+    key: Key,
+    number: u64,
+}
+
+/// What [`TexturePool::lend`] did.
+#[derive(Debug)]
+pub struct Lending {
+    /// Images to decode for parts that were lent.
+    pub(crate) images: Vec<(Ticket, ImageWork)>,
+    /// Whether some that are seen still wait.
+    pub(crate) waits: bool,
+}
+
 #[derive(Debug, Clone, Copy)]
 struct Lent {
     part: Part,
@@ -160,40 +179,43 @@ struct Lent {
 #[derive(Debug, Default)]
 pub struct TexturePool {
     parts: Parts,
-    lent: HashMap<Key, Lent>,
+    lent: IdMap<Key, Lent>,
+    /// Who gets a part when its image is decoded, and the number of that decoding.
+    decoding: IdMap<Key, (u64, Lent)>,
+    next_number: u64,
     lru: Lru<Key>,
     /// Whose images do not decode.
-    damaged: HashSet<Key>,
+    damaged: IdSet<Key>,
     failures: Vec<String>,
     changes: Vec<TextureChange>,
-    light: LightTables,
     used_bytes: u64,
 }
 
 impl TexturePool {
-    /// Lends parts that are large enough to those of `seen` that have none, `most` of them now, within `capacity_bytes`. Whether
-    /// some still wait.
-    pub fn show(&mut self, seen: &[Seen<'_>], capacity_bytes: u64, most: usize) -> bool {
-        let wanted: HashMap<Key, u8> = seen
+    /// Lends parts that are large enough to those of `seen` that have none, `most` of them now, within `capacity_bytes`.
+    pub fn lend(&mut self, seen: &[Seen<'_>], capacity_bytes: u64, most: usize) -> Lending {
+        let wanted: IdMap<Key, u8> = seen
             .iter()
             .map(|seen| (seen.key, seen.halvings.min(SIZES - 1)))
             .collect();
         for key in seen.iter().map(|seen| seen.key) {
-            if self.lent.contains_key(&key) {
-                self.lru.touch(key);
-            }
+            self.lru.touch_known(key);
         }
         let capacity = (capacity_bytes / TEXTURE_BYTES).min(MAX_PARTS);
         let capacity = u32::try_from(capacity).unwrap_or(u32::MAX);
-        let mut left = most;
+        let mut images = Vec::new();
         for seen in seen {
             let halvings = seen.halvings.min(SIZES - 1);
             let has = self.lent.get(&seen.key).map(|lent| lent.part.halvings);
-            if has.is_some_and(|has| has <= halvings) || self.damaged.contains(&seen.key) {
+            if has.is_some_and(|has| has <= halvings)
+                || self.decoding.contains_key(&seen.key)
+                || self.damaged.contains(&seen.key)
+            {
                 continue;
             }
-            if left == 0 {
-                return true;
+            if images.len() == most {
+                let waits = true;
+                return Lending { images, waits };
             }
             // A smaller one is better than none.
             let smallest = if has.is_none() { SIZES } else { halvings + 1 };
@@ -202,36 +224,68 @@ impl TexturePool {
                 if has.is_some() {
                     continue;
                 }
-                return false;
+                break;
             };
-            left -= 1;
-            // Where it had a smaller one.
-            self.give_back(seen.key);
-            match seen.texture.decode() {
-                Ok(texels) => {
-                    let mut mips = mips(&texels, 0, &self.light);
-                    mips.drain(..usize::from(part.halvings).min(mips.len() - 1));
-                    let slot = seen.slot;
-                    self.changes.push(TextureChange::Shown { slot, part, mips });
-                    self.used_bytes += part.bytes();
-                    self.lent.insert(seen.key, Lent { part, slot });
-                    self.lru.touch(seen.key);
+            match seen.texture.task() {
+                Ok(task) => {
+                    let work = ImageWork {
+                        task,
+                        margin: 0,
+                        skipped: part.halvings,
+                    };
+                    images.push((self.begin(seen, part), work));
                 }
                 Err(error) => {
-                    let page = seen
-                        .key
-                        .map_or_else(|| "the front".to_owned(), |page| format!("page {}", page.0));
-                    self.failures.push(format!("{page}: {error}"));
-                    self.damaged.insert(seen.key);
                     self.parts.free(part);
+                    self.give_up(seen.key, &error.to_string());
                 }
             }
         }
-        false
+        let waits = !self.decoding.is_empty();
+        Lending { images, waits }
+    }
+
+    fn begin(&mut self, seen: &Seen<'_>, part: Part) -> Ticket {
+        let (key, slot, number) = (seen.key, seen.slot, self.next_number);
+        self.next_number += 1;
+        self.used_bytes += part.bytes();
+        self.decoding.insert(key, (number, Lent { part, slot }));
+        Ticket { key, number }
+    }
+
+    /// Takes what came of an image. Dropped where its cluster has left meanwhile.
+    pub fn finish(&mut self, ticket: Ticket, decoded: Result<Vec<Mip>, String>) {
+        let Ticket { key, number } = ticket;
+        let Some((_, lent)) = self.decoding.get(&key).filter(|(own, _)| *own == number) else {
+            return;
+        };
+        let lent @ Lent { part, slot } = *lent;
+        self.decoding.remove(&key);
+        match decoded {
+            Ok(mips) => {
+                // Where it had a smaller one.
+                self.give_back(key);
+                self.changes.push(TextureChange::Shown { slot, part, mips });
+                self.lent.insert(key, lent);
+                self.lru.touch(key);
+            }
+            Err(reason) => {
+                self.used_bytes -= part.bytes();
+                self.parts.free(part);
+                self.give_up(key, &reason);
+            }
+        }
+    }
+
+    /// Notes that an image does not decode.
+    fn give_up(&mut self, key: Key, reason: &str) {
+        let page = key.map_or_else(|| "the front".to_owned(), |page| format!("page {}", page.0));
+        self.failures.push(format!("{page}: {reason}"));
+        self.damaged.insert(key);
     }
 
     /// A part with sides halved so often, if need be of what others give back: who is not `wanted`, then who has more than wanted.
-    fn part(&mut self, halvings: u8, capacity: u32, wanted: &HashMap<Key, u8>) -> Option<Part> {
+    fn part(&mut self, halvings: u8, capacity: u32, wanted: &IdMap<Key, u8>) -> Option<Part> {
         loop {
             if let Some(part) = self.parts.allocate(halvings, capacity) {
                 return Some(part);
@@ -262,6 +316,10 @@ impl TexturePool {
 
     /// The mesh of a cluster has left its slot.
     pub fn forget(&mut self, key: Key) {
+        if let Some((_, Lent { part, .. })) = self.decoding.remove(&key) {
+            self.used_bytes -= part.bytes();
+            self.parts.free(part);
+        }
         if let Some(lent) = self.give_back(key) {
             // What comes to the slot next must not get what was meant for this one.
             self.changes.retain(|change| match change {
@@ -270,6 +328,11 @@ impl TexturePool {
                 }
             });
         }
+    }
+
+    /// Whether there are changes to take.
+    pub fn has_changes(&self) -> bool {
+        !self.changes.is_empty()
     }
 
     /// Changes since this was last called, in order.
@@ -287,7 +350,7 @@ impl TexturePool {
         self.parts.count
     }
 
-    /// Bytes of the parts that are lent.
+    /// Bytes of the parts that are lent, also those whose images are being decoded.
     pub fn used_bytes(&self) -> u64 {
         self.used_bytes
     }
@@ -314,6 +377,15 @@ mod tests {
         pages.iter().map(one).collect()
     }
 
+    /// Lends and decodes at once.
+    fn show(pool: &mut TexturePool, seen: &[Seen<'_>], capacity: u64, most: usize) -> bool {
+        let Lending { images, waits } = pool.lend(seen, capacity, most);
+        for (ticket, work) in images {
+            pool.finish(ticket, work.run().map_err(|error| error.to_string()));
+        }
+        waits
+    }
+
     fn shown(pool: &mut TexturePool) -> Vec<(u32, Option<u32>)> {
         let change = |change| match change {
             TextureChange::Shown { slot, part, mips } => {
@@ -331,17 +403,23 @@ mod tests {
         let texture = texture();
         let mut pool = TexturePool::default();
         let capacity = 3 * TEXTURE_BYTES;
-        assert!(pool.show(&seen(&[1, 2, 3], &texture), capacity, 2));
-        assert!(!pool.show(&seen(&[1, 2, 3], &texture), capacity, 2));
+        assert!(show(&mut pool, &seen(&[1, 2, 3], &texture), capacity, 2));
+        assert!(show(&mut pool, &seen(&[1, 2, 3], &texture), capacity, 2));
+        assert!(!show(&mut pool, &seen(&[1, 2, 3], &texture), capacity, 2));
         assert_eq!(
             shown(&mut pool),
             [(101, Some(0)), (102, Some(1)), (103, Some(2))]
         );
-        assert!(!pool.show(&seen(&[2, 3, 4], &texture), capacity, 9));
+        assert!(show(&mut pool, &seen(&[2, 3, 4], &texture), capacity, 9));
         assert_eq!(shown(&mut pool), [(101, None), (104, Some(0))]);
         // More are seen than there are parts: nothing moves to and fro.
         for _ in 0..3 {
-            assert!(!pool.show(&seen(&[2, 3, 4, 5, 6], &texture), capacity, 9));
+            assert!(!show(
+                &mut pool,
+                &seen(&[2, 3, 4, 5, 6], &texture),
+                capacity,
+                9
+            ));
             assert_eq!(shown(&mut pool), []);
         }
         assert_eq!(pool.used_bytes(), capacity);
@@ -351,11 +429,11 @@ mod tests {
     fn a_mesh_that_leaves_takes_its_texture_along() {
         let texture = texture();
         let mut pool = TexturePool::default();
-        pool.show(&seen(&[1, 2], &texture), u64::MAX, 9);
+        show(&mut pool, &seen(&[1, 2], &texture), u64::MAX, 9);
         pool.forget(Some(PageId(1)));
         pool.forget(Some(PageId(7)));
         assert_eq!(shown(&mut pool), [(102, Some(1))]);
-        pool.show(&seen(&[2, 1], &texture), u64::MAX, 9);
+        show(&mut pool, &seen(&[2, 1], &texture), u64::MAX, 9);
         assert_eq!(shown(&mut pool), [(101, Some(0))]);
         assert_eq!(pool.count(), 2);
     }
@@ -369,7 +447,8 @@ mod tests {
         for seen in &mut small {
             seen.halvings = 5;
         }
-        assert!(!pool.show(&small, TEXTURE_BYTES, 99));
+        assert!(show(&mut pool, &small, TEXTURE_BYTES, 99));
+        assert!(!show(&mut pool, &small, TEXTURE_BYTES, 99));
         let mut corners = Vec::new();
         for change in pool.take_changes() {
             let TextureChange::Shown { part, mips, .. } = change else {
@@ -392,7 +471,7 @@ mod tests {
         assert_eq!(pool.used_bytes(), TEXTURE_BYTES);
         // One comes near, and gets a large part of what is free or not seen.
         let large = seen(&[3], &texture);
-        assert!(!pool.show(&large, 2 * TEXTURE_BYTES, 99));
+        assert!(show(&mut pool, &large, 2 * TEXTURE_BYTES, 99));
         let last = pool.take_changes().pop();
         assert!(
             matches!(last, Some(TextureChange::Shown { slot: 103, part, .. }) if part.halvings == 0)
@@ -402,8 +481,8 @@ mod tests {
         for seen in &mut many {
             seen.halvings = 2;
         }
-        while pool.show(&many, 2 * TEXTURE_BYTES, 99) {}
-        assert!(!pool.show(&many, 2 * TEXTURE_BYTES, 99));
+        while show(&mut pool, &many, 2 * TEXTURE_BYTES, 99) {}
+        assert!(!show(&mut pool, &many, 2 * TEXTURE_BYTES, 99));
         assert_eq!(pool.lent.len(), 32);
         assert_eq!(pool.used_bytes(), 2 * TEXTURE_BYTES);
     }
@@ -416,11 +495,11 @@ mod tests {
         };
         let mut pool = TexturePool::default();
         for _ in 0..2 {
-            assert!(!pool.show(&seen(&[1], &damaged), TEXTURE_BYTES, 9));
+            assert!(!show(&mut pool, &seen(&[1], &damaged), TEXTURE_BYTES, 9));
         }
         assert_eq!(pool.take_failures().len(), 1);
         let whole = texture();
-        assert!(!pool.show(&seen(&[2], &whole), TEXTURE_BYTES, 9));
+        assert!(show(&mut pool, &seen(&[2], &whole), TEXTURE_BYTES, 9));
         assert_eq!(shown(&mut pool), [(102, Some(0))]);
     }
 }

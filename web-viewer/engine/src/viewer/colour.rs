@@ -1,11 +1,15 @@
 //! What a viewer does about colour tiles and the textures of clusters.
 
 use super::Viewer;
+use super::jobs::Subject;
 use crate::camera::View;
 use crate::colour::layer::ColourLayer;
+use crate::colour::slots::MARGIN;
+use crate::decode::{DecodeJob, Decoding, ImageWork, Work};
 use crate::lod::cluster;
-use crate::residency::textures::{Key, SIZES, bytes_of_texture};
+use crate::residency::textures::{Key, Lending, SIZES, bytes_of_texture};
 use crate::{RequestId, Transition};
+use marquetry_format::colour::GUTTER;
 
 /// Pages that a tile counts for in [`ViewerOptions::pages_per_update`](crate::ViewerOptions::pages_per_update).
 const PAGES_A_TILE: usize = 4;
@@ -83,16 +87,32 @@ impl Viewer {
 
     /// Decodes some of the textures that the picture shows and that are not there.
     pub(super) fn show_textures(&mut self) {
-        if !self.textures_wait {
-            return;
+        if self.textures_wait && self.jobs.decoding == Decoding::Inline {
+            let most = self.options.pages_per_update.div_ceil(PAGES_A_TEXTURE);
+            let jobs = self.texture_jobs(most);
+            for job in jobs {
+                self.take_in(job.run());
+            }
         }
-        let most = self.options.pages_per_update.div_ceil(PAGES_A_TEXTURE);
+        self.stale.frame |= self.table.has_texture_changes();
+    }
+
+    /// The next textures to decode, parts being lent for them.
+    pub(super) fn texture_jobs(&mut self, most: usize) -> Vec<DecodeJob> {
+        if !self.textures_wait || most == 0 {
+            return Vec::new();
+        }
         let capacity = self.texture_capacity();
-        let before = self.table.texture_bytes();
-        self.textures_wait =
+        let seen = &self.seen_textures;
+        let Lending { images, waits } =
             self.table
-                .show_textures(&self.document, &self.seen_textures, capacity, most);
-        self.stale.frame |= self.textures_wait || self.table.texture_bytes() != before;
+                .lend_textures(&self.document, seen, capacity, most);
+        self.textures_wait = waits;
+        let begin = |(ticket, work): (_, ImageWork)| {
+            let (subject, bytes) = (Subject::Texture(ticket), work.decoded_bytes());
+            self.jobs.begin(subject, bytes, Work::Image(work))
+        };
+        images.into_iter().map(begin).collect()
     }
 
     /// Seconds that a tile fades in for.
@@ -113,12 +133,28 @@ impl Viewer {
         }
     }
 
-    pub(super) fn decode_colour(&mut self) {
-        let (capacity, now) = (self.tile_capacity(), self.clock);
+    /// Decodes some of the tiles that arrived.
+    pub(super) fn decode_tiles(&mut self) {
         let most = self.options.pages_per_update.div_ceil(PAGES_A_TILE);
-        if let Some(layer) = &mut self.colour {
-            self.stale.picture |= layer.decode_arrived(now, capacity, most);
+        for _ in 0..most {
+            let Some(job) = self.next_tile_job() else {
+                break;
+            };
+            self.take_in(job.run());
         }
+    }
+
+    /// The next tile to decode, room being made for it.
+    pub(super) fn next_tile_job(&mut self) -> Option<DecodeJob> {
+        let (capacity, now) = (self.tile_capacity(), self.clock);
+        let (tile, task) = self.colour.as_mut()?.next_task(now, capacity)?;
+        let work = ImageWork {
+            task,
+            margin: MARGIN - GUTTER,
+            skipped: 0,
+        };
+        let (subject, bytes) = (Subject::Tile(tile), work.decoded_bytes());
+        Some(self.jobs.begin(subject, bytes, Work::Image(work)))
     }
 
     /// Draws on while tiles fade in, and once more when they have.
@@ -146,8 +182,8 @@ impl Viewer {
     }
 
     pub(super) fn colour_needs_update(&self) -> bool {
-        let waits = self.colour.as_ref().is_some_and(ColourLayer::needs_update);
-        waits || self.was_fading || self.is_fading()
+        let pauses = self.colour.as_ref().is_some_and(ColourLayer::is_pausing);
+        pauses || self.was_fading || self.is_fading()
     }
 
     /// The colour tiles, for the renderer.

@@ -1,15 +1,26 @@
 //! From bytes to resident pages, and what to ask for next.
 
+use super::jobs::Subject;
 use super::{Needed, Viewer};
 use crate::Request;
+use crate::decode::{DecodeJob, Decoded, Decoding, Work};
 use crate::lod::mesh::base_of;
 use crate::residency::fetch::Item;
-use crate::residency::page_table::bytes_of;
+use crate::residency::page_table::{Budget, bytes_of};
 use marquetry_format::quadtree::PAGE_RESOLUTION;
-use marquetry_format::{PageId, PageSamples};
+use marquetry_format::{DecodedPage, PageId, PageTask};
+use std::sync::Arc;
 
 /// Samples that decoding a cluster counts for.
 const CLUSTER_COST: usize = 256;
+
+/// What a page takes.
+#[derive(Debug, Clone, Copy)]
+struct Room {
+    /// That of its samples; `None` for a cluster.
+    resolution: Option<u8>,
+    bytes: u64,
+}
 
 /// Samples of a page at `resolution`.
 fn samples_of(resolution: u8) -> usize {
@@ -18,127 +29,162 @@ fn samples_of(resolution: u8) -> usize {
 }
 
 impl Viewer {
-    /// Decodes what arrived, parents first, as far as one update may and the cache has room.
+    /// Puts into place what was decoded elsewhere, and decodes what arrived, parents first, as far as one update may and the
+    /// cache has room.
     pub(super) fn decode_arrived(&mut self) {
-        self.decode_colour();
+        self.take_in_finished();
+        if self.fetcher.has_arrived() {
+            let needed = &self.needed_index;
+            self.fetcher.want_only(|page| needed.contains_key(&page));
+        }
+        if self.jobs.decoding == Decoding::Elsewhere {
+            return;
+        }
+        self.decode_tiles();
         let mut left = self.options.pages_per_update * samples_of(PAGE_RESOLUTION);
-        for page in self.fetcher.arrived() {
-            let Some(needed) = self
-                .needed_index
-                .get(&page)
-                .and_then(|index| self.needed.get(*index))
-            else {
-                self.fetcher.forget(page);
-                continue;
-            };
-            let what = *needed;
-            if left == 0 {
-                break;
-            }
-            if what
-                .parent
-                .is_some_and(|parent| !self.table.contains(parent))
-            {
-                continue;
-            }
-            if what.node.is_none() {
-                if !self.decode_cluster(what) {
-                    break;
-                }
-                left = left.saturating_sub(CLUSTER_COST);
-                continue;
-            }
-            let Some(entry) = self.document.page(page) else {
-                continue;
-            };
-            let has_children = entry.has_children;
-            let bytes = bytes_of(
-                entry.resolution,
-                has_children,
-                self.document.metadata.has_colours,
-            );
-            if !self
-                .table
-                .make_room(bytes, self.page_capacity(), &self.pinned)
-            {
-                break;
-            }
-            left = left.saturating_sub(samples_of(entry.resolution));
-            match self.decode(what) {
-                Ok(samples) => {
-                    if !self.table.insert(page, what.parent, samples, has_children) {
-                        break;
-                    }
-                    self.fetched += 1;
-                    self.fetcher.succeed(Item::Page(page));
-                    self.stale.target = true;
-                }
-                Err(reason) => self.fetcher.fail(
-                    self.clock,
-                    &[Item::Page(page)],
-                    &format!("page {}: {reason}", page.0),
-                ),
-            }
-            self.fetcher.forget(page);
+        let mut last = None;
+        while left > 0
+            && let Some((job, cost)) = self.next_page_job(&mut last)
+        {
+            left = left.saturating_sub(cost);
+            self.take_in(job.run());
         }
     }
 
-    /// Decodes the mesh of a cluster that arrived; false where the cache has no room for it.
-    fn decode_cluster(&mut self, what: Needed) -> bool {
-        let capacity = self.page_capacity();
-        let size = self.cluster_bytes(what.page);
-        if !self.table.make_room(size, capacity, &self.pinned) {
-            return false;
+    /// The next page behind `last` that can be decoded and has room in the cache, with the samples it counts for.
+    pub(super) fn next_page_job(
+        &mut self,
+        last: &mut Option<PageId>,
+    ) -> Option<(DecodeJob, usize)> {
+        while let Some(page) = self.fetcher.next_arrived(*last) {
+            *last = Some(page);
+            let Some(what) = self.needed_page(page) else {
+                continue;
+            };
+            let has_parent = what.parent.is_none_or(|parent| self.table.contains(parent));
+            let Some(room) = self.room_for(what).filter(|_| has_parent) else {
+                continue;
+            };
+            if !self.reserve(what, room) {
+                return None;
+            }
+            let bytes = self.fetcher.begin_decoding(page);
+            match self.task(what, bytes) {
+                Ok(task) => {
+                    let subject = Subject::Page(page);
+                    let job = self.jobs.begin(subject, room.bytes, Work::Page(task));
+                    return Some((job, room.resolution.map_or(CLUSTER_COST, samples_of)));
+                }
+                Err(reason) => self.refuse_page(page, &reason),
+            }
         }
-        let page = what.page;
-        let bytes = self.fetcher.bytes_of(page).unwrap_or(&[]);
-        let decoded = match self.document.cluster_of_page(page) {
-            Some(id) => self
-                .document
-                .decode_cluster(id, bytes)
-                .map_err(|error| error.to_string()),
-            None => Err("is no cluster's".to_owned()),
+        None
+    }
+
+    fn needed_page(&self, page: PageId) -> Option<Needed> {
+        let index = *self.needed_index.get(&page)?;
+        self.needed.get(index).copied()
+    }
+
+    /// What a page takes; `None` while its index entry is not there.
+    fn room_for(&self, what: Needed) -> Option<Room> {
+        if what.node.is_none() {
+            return Some(Room {
+                resolution: None,
+                bytes: self.cluster_bytes(what.page),
+            });
+        }
+        let entry = self.document.page(what.page)?;
+        let has_colours = self.document.metadata.has_colours;
+        Some(Room {
+            resolution: Some(entry.resolution),
+            bytes: bytes_of(entry.resolution, entry.has_children, has_colours),
+        })
+    }
+
+    fn reserve(&mut self, what: Needed, room: Room) -> bool {
+        let budget = Budget {
+            capacity_bytes: self.page_capacity(),
+            pinned: &self.pinned,
         };
-        match decoded {
-            Ok(mesh) => {
-                let node = self.document.cluster_node_of_page(page);
-                let level = node.map_or(0, |node| node.level);
-                if !self
-                    .table
-                    .insert_cluster(page, what.parent, level, mesh, size)
-                {
-                    return false;
-                }
-                self.fetched += 1;
-                self.fetcher.succeed(Item::Page(page));
-                self.stale.target = true;
-            }
-            Err(reason) => self.fetcher.fail(
-                self.clock,
-                &[Item::Page(page)],
-                &format!("page {}: {reason}", page.0),
-            ),
+        let Needed { page, parent, .. } = what;
+        match room.resolution {
+            Some(resolution) => self
+                .table
+                .reserve_samples(page, parent, resolution, room.bytes, budget),
+            None => self.table.reserve_cluster(page, parent, room.bytes, budget),
         }
-        self.fetcher.forget(page);
-        true
     }
 
-    fn decode(&self, what: Needed) -> Result<PageSamples, String> {
-        let bytes = self.fetcher.bytes_of(what.page).unwrap_or(&[]);
-        let node = what.node.ok_or("is no chart's")?;
-        let decoded = match (node.parent(), what.parent) {
-            (None, _) => self.document.decode_root(node.chart, bytes),
-            (Some((_, quadrant)), parent) => {
-                let samples = match parent {
-                    Some(parent) => self.table.samples(parent),
-                    None => base_of(&self.document, node.chart),
+    /// Everything that decoding a page takes.
+    fn task(&self, what: Needed, bytes: Vec<u8>) -> Result<PageTask, String> {
+        let document = &self.document;
+        let task = match what.node.map(|node| (node, node.parent())) {
+            None => {
+                let id = document.cluster_of_page(what.page);
+                document.cluster_task(id.ok_or("is no cluster's")?, bytes)
+            }
+            Some((node, None)) => document.root_task(node.chart, bytes),
+            Some((node, Some((_, quadrant)))) => {
+                let samples = match what.parent {
+                    Some(parent) => self.table.samples(parent).cloned(),
+                    None => base_of(document, node.chart).cloned().map(Arc::new),
                 };
                 let samples = samples.ok_or("its parent is not in memory")?;
-                self.document
-                    .decode_child(what.page, quadrant, samples, bytes)
+                document.child_task(what.page, quadrant, samples, bytes)
             }
         };
-        decoded.map_err(|error| error.to_string())
+        task.map_err(|error| error.to_string())
+    }
+
+    /// Puts a decoded page into place; drops it where it is not needed any more.
+    pub(super) fn take_page(&mut self, page: PageId, decoded: Result<Decoded, String>) {
+        let is_needed = self.needed_index.contains_key(&page);
+        let taken = match decoded {
+            Err(reason) => Err(reason),
+            Ok(_) if !is_needed => {
+                self.let_go(page);
+                return;
+            }
+            Ok(Decoded::Page(DecodedPage::Samples(samples))) => {
+                let entry = self.document.page(page);
+                let has_children = entry.is_some_and(|entry| entry.has_children);
+                let taken = self.table.insert(page, samples, has_children);
+                taken
+                    .then_some(())
+                    .ok_or_else(|| "has another resolution than its index says".to_owned())
+            }
+            Ok(Decoded::Page(DecodedPage::Cluster(mesh))) => {
+                let node = self.document.cluster_node_of_page(page);
+                let level = node.map_or(0, |node| node.level);
+                let taken = self.table.insert_cluster(page, level, mesh);
+                taken
+                    .then_some(())
+                    .ok_or_else(|| "is no cluster's".to_owned())
+            }
+            Ok(Decoded::Image(_)) => Err("is an image".to_owned()),
+        };
+        match taken {
+            Ok(()) => {
+                self.fetcher.end_decoding(page);
+                self.fetcher.succeed(Item::Page(page));
+                self.fetched += 1;
+                self.stale.target = true;
+            }
+            Err(reason) => self.refuse_page(page, &reason),
+        }
+    }
+
+    /// Has a page fetched again that did not decode.
+    fn refuse_page(&mut self, page: PageId, reason: &str) {
+        self.let_go(page);
+        let words = format!("page {}: {reason}", page.0);
+        self.fetcher.fail(self.clock, &[Item::Page(page)], &words);
+    }
+
+    fn let_go(&mut self, page: PageId) {
+        self.table.release(page);
+        self.fetcher.end_decoding(page);
     }
 
     /// What to fetch now: the index first, then pages by importance.

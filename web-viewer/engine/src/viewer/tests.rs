@@ -46,7 +46,7 @@ impl Network {
     }
 
     /// With colour tiles down to level 5, here and there.
-    fn textured(shape: Shape, seed: u64) -> Self {
+    pub(super) fn textured(shape: Shape, seed: u64) -> Self {
         let mut random = Random::new(seed);
         let finest = random_finest(&mut random, &shape.charts(5), 2, 5);
         let mut choose = Random::new(seed + 1);
@@ -111,7 +111,7 @@ impl Network {
 
 /// What holds in every frame, whatever is in memory.
 #[expect(clippy::float_cmp, reason = "exact by construction")]
-fn check(viewer: &Viewer) {
+pub(super) fn check(viewer: &Viewer) {
     let stats = viewer.stats();
     assert!(stats.cache.used_bytes <= stats.cache.capacity_bytes);
     let drawn = viewer.drawn();

@@ -230,16 +230,21 @@ pub(crate) fn tell(triangles: &[[u8; 3]]) -> Result<Told, Error> {
     let mut front = Front::default();
     let mut numbers: [Option<u8>; MAX_CLUSTER_VERTICES] = [None; MAX_CLUSTER_VERTICES];
     let mut is_told = vec![false; triangles.len()];
+    // Edges beyond which all has been told, by their ends.
+    let mut is_border = vec![[false; MAX_CLUSTER_VERTICES]; MAX_CLUSTER_VERTICES];
     let mut first_untold = 0;
     while told.walk.triangles.len() < triangles.len() {
         let named = front.0.iter().rev().take(NAMED).enumerate();
         let across = named.into_iter().find_map(|(place, &[from, to, _])| {
+            if is_border[usize::from(from)][usize::from(to)] {
+                return None;
+            }
             let old = [to, from].map(|new| told.order[usize::from(new)]);
             let start = edges.partition_point(|edge| edge.0 < old);
             let same = edges[start..].iter().take_while(|edge| edge.0 == old);
-            same.into_iter()
-                .find(|&&(_, index, _)| !is_told[index])
-                .map(|&(_, index, apex)| (place, index, apex))
+            let untold = same.into_iter().find(|&&(_, index, _)| !is_told[index]);
+            is_border[usize::from(from)][usize::from(to)] = untold.is_none();
+            untold.map(|&(_, index, apex)| (place, index, apex))
         });
         let Some((place, index, apex)) = across else {
             while is_told[first_untold] {

@@ -1,7 +1,7 @@
 //! The order in which a cluster's triangles are told.
 //!
 //! A triangle is told by the edge that it shares with those before it, and by its third corner, which mostly is new or the
-//! next vertex along the front: the boundary of what has been told (Gumhold & Strasser, "Real time compression of triangle mesh
+//! next vertex along the front: the boundary of what has been told (Gumhold & Straßer, "Real time compression of triangle mesh
 //! connectivity", 1998). A new vertex is predicted to complete the parallelogram across that edge (Touma & Gotsman, "Triangle mesh
 //! compression", 1998). Meshes here have few vertices and may have several sheets at an edge, so the front is a plain list of
 //! edges.

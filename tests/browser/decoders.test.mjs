@@ -1,8 +1,10 @@
 // The pool of workers without a browser: who gets how much, and what becomes of jobs whose worker is gone.
 
 import assert from "node:assert/strict";
-import { test } from "node:test";
+import { mock, test } from "node:test";
 import { Decoders, WorkerLost } from "../../web-viewer/web/js/decoders.js";
+
+mock.timers.enable({ apis: ["setTimeout"] });
 
 /** A worker that does what the test says. */
 class FakeWorker extends EventTarget {
@@ -49,6 +51,8 @@ test("jobs go to who has least, and answers back to who asked", async () => {
   for (const worker of workers) worker.say({ ready: true });
   assert.equal(decoders.room(user), 4);
   const answers = [0, 1, 2, 3].map(() => decoders.run(user, bytes()));
+  // Two of them are never answered.
+  for (const answer of answers) answer.catch(() => {});
   assert.equal(decoders.room(user), 0);
   for (const { received } of workers) assert.equal(received.length, 3);
   const [first, second] = workers.map(({ received }) => received.slice(1).map(({ id }) => id));
@@ -59,17 +63,24 @@ test("jobs go to who has least, and answers back to who asked", async () => {
   assert.equal(decoders.room(user), 2);
 });
 
-test("viewers share equally", () => {
+test("viewers that have something to decode share equally", () => {
   const { decoders, workers } = pool();
   for (const worker of workers) worker.say({ ready: true });
-  const [one, two] = [() => {}, () => {}];
-  decoders.room(one);
-  assert.equal(decoders.room(two), 2);
-  decoders.run(two, bytes()).catch(() => {});
-  assert.equal(decoders.room(two), 1);
-  assert.equal(decoders.room(one), 2);
+  let told = 0;
+  const [one, two] = [() => (told += 1), () => {}];
+  // One has nothing to give.
+  assert.equal(decoders.room(one), 4);
+  decoders.wait(one, false);
+  assert.equal(decoders.room(two), 4);
+  for (let i = 0; i < 4; i++) decoders.run(two, bytes()).catch(() => {});
+  // One is refused, and is told when there is room, which is its own then.
+  assert.equal(decoders.room(one), 0);
+  workers[0].say({ id: workers[0].received[1].id, texels: "texels" });
+  assert.equal(told, 1);
+  assert.equal(decoders.room(two), 0);
+  assert.equal(decoders.room(one), 1);
   decoders.leave(one);
-  assert.equal(decoders.room(two), 3);
+  assert.equal(decoders.room(two), 1);
 });
 
 test("a worker that fails loses its jobs to who gave them, and nothing else", async () => {
@@ -88,7 +99,34 @@ test("a worker that fails loses its jobs to who gave them, and nothing else", as
   assert.ok(workers[0].isGone && !workers[1].isGone && decoders.isThere && told === 3);
   workers[1].dispatchEvent(new Event("error"));
   await assert.rejects(answers[second[0]], WorkerLost);
-  assert.ok(!decoders.isThere && decoders.room(user) === 0);
+  assert.ok(decoders.count === 0 && decoders.room(user) === 0);
+  // Others are started in their place, but not for ever.
+  for (let at = 2; at < workers.length; at++) {
+    workers[at].say({ ready: true });
+    workers[at].dispatchEvent(new Event("error"));
+  }
+  assert.equal(workers.length, 6);
+  assert.ok(!decoders.isThere);
+});
+
+test("a worker that owes an answer for long is lost", async () => {
+  const { decoders, workers } = pool(2);
+  workers[0].say({ ready: true });
+  const answers = [0, 1].map(() => decoders.run(() => {}, bytes()));
+  workers[0].say({ id: workers[0].received[1].id, texels: "texels" });
+  assert.equal(await answers[0], "texels");
+  mock.timers.tick(30_000);
+  await assert.rejects(answers[1], WorkerLost);
+  assert.ok(workers[0].isGone);
+});
+
+test("nobody waits for a worker that starts late, but it is welcome", () => {
+  const { decoders, workers } = pool(2);
+  assert.ok(decoders.isThere);
+  mock.timers.tick(3_000);
+  assert.ok(!decoders.isThere);
+  workers[0].say({ ready: true });
+  assert.ok(decoders.isThere && decoders.count === 1);
 });
 
 test("where no worker starts there is none", () => {

@@ -21,7 +21,7 @@ pub enum Decoding {
     Elsewhere,
 }
 
-/// Names a [`DecodeJob`] among those of its viewer.
+/// Names a [`DecodeJob`] among those of all viewers.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct JobId(pub u64);
 
@@ -88,7 +88,8 @@ impl DecodeJob {
         }
     }
 
-    /// That the job cannot be run, because of `reason`. What it is for will be fetched again.
+    /// That the job cannot be run, because of `reason`. A page or a tile will be fetched again; a cluster is then shown without its
+    /// texture.
     pub fn fail(&self, reason: String) -> DecodeResult {
         DecodeResult {
             id: self.id,

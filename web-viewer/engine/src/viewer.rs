@@ -609,9 +609,9 @@ impl Viewer {
             if self.fades() {
                 self.fade(step);
             } else {
-                self.fade = None;
+                let has_ended = self.fade.take().is_some();
                 let charts = &self.document.charts;
-                changes = self.drawn.advance(&self.target, charts, step);
+                changes = self.drawn.advance(&self.target, charts, step) || has_ended;
             }
         }
         if changes {

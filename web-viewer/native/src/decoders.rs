@@ -1,7 +1,8 @@
 //! Decodes on threads of its own, so that pages that come do not stop the picture.
 
 use marquetry_engine::{DecodeJob, DecodeResult, Decoding, JobKind, Viewer};
-use std::sync::mpsc::{Receiver, Sender, channel};
+use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::sync::mpsc::{Receiver, SendError, Sender, channel};
 use std::sync::{Arc, Mutex, PoisonError};
 
 /// Most threads that decode.
@@ -16,7 +17,12 @@ pub struct Decoders {
     results: Receiver<(JobKind, DecodeResult)>,
     threads: usize,
     images: usize,
-    others: usize,
+    meshes: usize,
+}
+
+/// What `run` gives; where it panics, what `fail` makes of that, so that the thread goes on and nobody waits for ever.
+fn caught<T>(run: impl FnOnce() -> T, fail: impl FnOnce(String) -> T) -> T {
+    catch_unwind(AssertUnwindSafe(run)).unwrap_or_else(|_| fail("decoding it panicked".to_owned()))
 }
 
 impl Decoders {
@@ -34,7 +40,8 @@ impl Decoders {
                 loop {
                     let job = jobs.lock().unwrap_or_else(PoisonError::into_inner).recv();
                     let Ok((kind, job)) = job else { break };
-                    if done.send((kind, job.run())).is_err() {
+                    let result = caught(|| job.run(), |reason| job.fail(reason));
+                    if done.send((kind, result)).is_err() {
                         break;
                     }
                     wake();
@@ -48,7 +55,7 @@ impl Decoders {
             threads: (0..wanted).filter(|number| start(*number)).count(),
             results,
             images: 0,
-            others: 0,
+            meshes: 0,
         }
     }
 
@@ -66,7 +73,7 @@ impl Decoders {
         while let Ok((kind, result)) = self.results.try_recv() {
             match kind {
                 JobKind::Image => self.images -= 1,
-                JobKind::Mesh => self.others -= 1,
+                JobKind::Mesh => self.meshes -= 1,
             }
             viewer.finish(result);
         }
@@ -77,12 +84,13 @@ impl Decoders {
         let images = (IMAGES_A_THREAD * self.threads).saturating_sub(self.images);
         for (kind, most) in [(JobKind::Mesh, usize::MAX), (JobKind::Image, images)] {
             for job in viewer.take_jobs(kind, most) {
-                // The receiver lives as long as a thread does.
-                if self.jobs.send((kind, job)).is_ok() {
-                    match kind {
+                match self.jobs.send((kind, job)) {
+                    Ok(()) => match kind {
                         JobKind::Image => self.images += 1,
-                        JobKind::Mesh => self.others += 1,
-                    }
+                        JobKind::Mesh => self.meshes += 1,
+                    },
+                    // No thread is left.
+                    Err(SendError((_, job))) => viewer.finish(job.run()),
                 }
             }
         }
@@ -90,6 +98,18 @@ impl Decoders {
 
     /// Jobs under way.
     pub fn under_way(&self) -> usize {
-        self.images + self.others
+        self.images + self.meshes
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_panic_is_a_failure() {
+        assert_eq!(caught(|| 7, |_| 0), 7);
+        let failed = caught(|| panic!("on purpose"), |reason| reason);
+        assert_eq!(failed, "decoding it panicked");
     }
 }

@@ -52,6 +52,7 @@ export class Decoding {
     const room = this.#view ? this.#decoders.room(this.#user) : 0;
     if (room === 0) return;
     const images = this.#view.takeImages(room);
+    this.#decoders.wait(this.#user, images.length >= 2 * room);
     for (let i = 0; i < images.length; i += 2) this.#send(images[i], images[i + 1]);
   }
 

@@ -5,7 +5,7 @@
 //! `opener::Opener` turns the first bytes into a document, `gpu::Gpu` a canvas into a device, and
 //! `view::View` both into pictures.
 //!
-//! Images are decoded by workers (`js/decoders.js`), which run [`decoder`]'s function in a module of their own; meshes here, as long as
+//! Images are decoded by workers (`js/decoders.js`), which run the function of `decoder` in a module of their own; meshes here, as long as
 //! JavaScript's clock says. What was measured is in `ARCHITECTURE.md`.
 
 pub mod report;

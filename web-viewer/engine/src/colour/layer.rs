@@ -121,9 +121,12 @@ impl ColourLayer {
 
     /// Takes what came of a tile; whether the picture changes. Dropped where it is not wanted any more.
     pub fn take_in(&mut self, now: f64, tile: TileId, decoded: Result<Vec<Mip>, String>) -> bool {
+        if !self.places.contains_key(&tile) {
+            self.let_go(tile);
+            return false;
+        }
         match decoded {
             Err(reason) => self.fail(now, tile, &reason),
-            Ok(_) if !self.places.contains_key(&tile) => self.let_go(tile),
             Ok(mips) => {
                 self.store.insert(tile, mips, now);
                 self.stream.end_decoding(tile);
@@ -164,6 +167,9 @@ impl ColourLayer {
     /// Takes the answer to a request of this layer; whether there is something new to plan.
     pub fn deliver(&mut self, now: f64, id: RequestId, answer: Result<Vec<u8>, String>) -> bool {
         let Some((item, bytes)) = self.stream.deliver(now, &self.index, id, answer) else {
+            // It may have failed, and nobody wait for it any more.
+            let places = &self.places;
+            self.stream.want_only(|tile| places.contains_key(&tile));
             return false;
         };
         let taken = match item {

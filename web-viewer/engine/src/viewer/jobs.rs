@@ -5,6 +5,7 @@ use crate::decode::{DecodeJob, DecodeResult, Decoded, Decoding, JobId, JobKind, 
 use crate::residency::textures::{TEXTURE_BYTES, Ticket};
 use marquetry_format::{PageId, TileId};
 use std::collections::{BTreeMap, VecDeque};
+use std::sync::atomic::{AtomicU64, Ordering};
 
 /// Bytes, decoded, that jobs of one kind may hold, from the time they are handed out until their results are in place.
 const MOST_BYTES_A_KIND: u64 = 8 << 20;
@@ -42,14 +43,17 @@ pub(super) struct Jobs {
     counts: [usize; 2],
     bytes: [u64; 2],
     finished: VecDeque<DecodeResult>,
-    next: u64,
+    /// Whether of an odd number of images the odd one was last a tile.
+    was_tile: bool,
 }
+
+/// The number of the next job, of any viewer: what comes too late for one must not fit another.
+static NEXT: AtomicU64 = AtomicU64::new(0);
 
 impl Jobs {
     /// A job for `subject`, which takes `bytes` decoded.
     pub(super) fn begin(&mut self, subject: Subject, bytes: u64, work: Work) -> DecodeJob {
-        let id = JobId(self.next);
-        self.next += 1;
+        let id = JobId(NEXT.fetch_add(1, Ordering::Relaxed));
         self.counts[subject.kind() as usize] += 1;
         self.bytes[subject.kind() as usize] += bytes;
         self.running.insert(id, Running { subject, bytes });
@@ -71,14 +75,15 @@ impl Jobs {
 
     /// Whether an update has a point, meshes or images waiting to be decoded or not.
     pub(super) fn need_update(&self, waits: [bool; 2]) -> bool {
-        match self.decoding {
+        let waits_for_update = match self.decoding {
             Decoding::Inline => waits.contains(&true),
             // What runs makes itself heard; without it, the next update may find what to do.
             Decoding::Elsewhere => {
                 let mut idle = waits.iter().zip(self.counts);
-                !self.finished.is_empty() || idle.any(|(waits, running)| *waits && running == 0)
+                idle.any(|(waits, running)| *waits && running == 0)
             }
-        }
+        };
+        waits_for_update || !self.finished.is_empty()
     }
 }
 
@@ -106,8 +111,10 @@ impl Viewer {
                 }
             }
             JobKind::Image => {
-                // Half of them tiles, if there are enough of both.
-                self.take_tile_jobs(&mut jobs, most.div_ceil(2));
+                // Half of them tiles, if there are enough of both; of an odd number once the one has more, once the other.
+                self.jobs.was_tile = !self.jobs.was_tile;
+                let tiles = (most / 2).saturating_add(most % 2 * usize::from(self.jobs.was_tile));
+                self.take_tile_jobs(&mut jobs, tiles);
                 let room = self.jobs.room(kind).div_ceil(TEXTURE_BYTES);
                 let room = usize::try_from(room).unwrap_or(usize::MAX);
                 let textures = self.texture_jobs(room.min(most - jobs.len()));

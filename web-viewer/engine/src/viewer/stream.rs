@@ -139,13 +139,12 @@ impl Viewer {
 
     /// Puts a decoded page into place; drops it where it is not needed any more.
     pub(super) fn take_page(&mut self, page: PageId, decoded: Result<Decoded, String>) {
-        let is_needed = self.needed_index.contains_key(&page);
+        if !self.needed_index.contains_key(&page) {
+            self.let_go(page);
+            return;
+        }
         let taken = match decoded {
             Err(reason) => Err(reason),
-            Ok(_) if !is_needed => {
-                self.let_go(page);
-                return;
-            }
             Ok(Decoded::Page(DecodedPage::Samples(samples))) => {
                 let entry = self.document.page(page);
                 let has_children = entry.is_some_and(|entry| entry.has_children);

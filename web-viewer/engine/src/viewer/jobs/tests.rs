@@ -233,7 +233,7 @@ fn unknown_results_are_ignored_and_uploads_are_bounded() {
     let mut other = elsewhere(&network, 1 << 30);
     let mut workshop = Workshop::new(7);
     workshop.most = usize::MAX;
-    let mut stranger = viewer.jobs.next + 1000;
+    let mut stranger = u64::MAX - 10_000;
     let mut uploads = 0;
     for _ in 0..200 {
         network.frame(&mut viewer, 0.05);
@@ -262,4 +262,33 @@ fn unknown_results_are_ignored_and_uploads_are_bounded() {
     assert!(uploads > 300_000, "{uploads}");
     assert_eq!(other.stats().pages.fetched, 0);
     assert!(other.jobs.finished.is_empty());
+}
+
+#[test]
+fn failures_of_what_nobody_wants_any_more_are_not_tried_again() {
+    let mut network = Network::textured(Shape::Cube, 26);
+    let mut viewer = elsewhere(&network, 24 << 20);
+    let mut workshop = Workshop::new(8);
+    let mut images = Vec::new();
+    for index in [0, 9, 0, 9] {
+        let camera = standard(&viewer, index, 0.4);
+        viewer.set_camera(camera);
+        for _ in 0..20 {
+            network.frame(&mut viewer, 0.05);
+            images.extend(viewer.take_jobs(JobKind::Image, 4));
+            workshop.jobs.extend(viewer.take_jobs(JobKind::Mesh, 4));
+            while !workshop.jobs.is_empty() {
+                workshop.finish_one(&mut viewer);
+            }
+        }
+    }
+    assert!(images.len() > 10, "{}", images.len());
+    let camera = standard(&viewer, 1, 3.0);
+    viewer.set_camera(camera);
+    network.frame(&mut viewer, 0.05);
+    for job in images {
+        viewer.finish(job.fail("out of paper".to_owned()));
+    }
+    workshop.settle(&mut network, &mut viewer);
+    assert!(!viewer.colour_needs_update());
 }

@@ -142,19 +142,8 @@ impl Distances {
 /// # Errors
 /// When a mesh has no triangles, an index out of range or a coordinate that is not finite.
 pub fn measure(first: Mesh<'_>, second: Mesh<'_>, samples: u64) -> Result<Distances, MeshError> {
-    if first.triangles.is_empty() || second.triangles.is_empty() {
-        return Err(MeshError::Empty);
-    }
     let samples = samples.max(1);
-    // One tree at a time: it is what takes the memory.
-    let tree = Bvh::new(second.positions, second.triangles)?;
-    check(first)?;
-    let forward = one_way(first, second, &tree, samples);
-    drop(tree);
-    let tree = Bvh::new(first.positions, first.triangles)?;
-    let backward = one_way(second, first, &tree, samples);
-    drop(tree);
-
+    let [forward, backward] = both_ways(first, second, samples, one_way)?;
     let mut angles = forward.angles.clone();
     angles.merge(&backward.angles);
     Ok(Distances {
@@ -170,17 +159,28 @@ pub fn measure(first: Mesh<'_>, second: Mesh<'_>, samples: u64) -> Result<Distan
 /// # Errors
 /// As [`measure`].
 pub fn rms(first: Mesh<'_>, second: Mesh<'_>, samples: u64) -> Result<f64, MeshError> {
+    let ways = both_ways(first, second, samples.max(1), sampled)?;
+    let [forward, backward] = ways.map(|sums| sums.distances().rms);
+    Ok(forward.max(backward))
+}
+
+/// What `one_way` finds from each mesh to the other.
+fn both_ways(
+    first: Mesh<'_>,
+    second: Mesh<'_>,
+    samples: u64,
+    one_way: impl Fn(Mesh<'_>, Mesh<'_>, &Bvh, u64) -> Sums,
+) -> Result<[Sums; 2], MeshError> {
     if first.triangles.is_empty() || second.triangles.is_empty() {
         return Err(MeshError::Empty);
     }
-    let samples = samples.max(1);
+    // One tree at a time: it is what takes the memory.
     let tree = Bvh::new(second.positions, second.triangles)?;
     check(first)?;
-    let forward = sampled(first, second, &tree, samples).distances();
+    let forward = one_way(first, second, &tree, samples);
     drop(tree);
     let tree = Bvh::new(first.positions, first.triangles)?;
-    let backward = sampled(second, first, &tree, samples).distances();
-    Ok(forward.rms.max(backward.rms))
+    Ok([forward, one_way(second, first, &tree, samples)])
 }
 
 /// Distances from points to a mesh; the RMS counts each point alike. Zero without points.

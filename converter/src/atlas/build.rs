@@ -173,7 +173,11 @@ pub fn build(
         if reached <= goal && (reached >= WASTEFUL * goal || attempt > 0) {
             break;
         }
-        tries.push(Try { unfitted, reached });
+        // A plane has no error.
+        tries.push(Try {
+            unfitted: unfitted.max(f64::MIN_POSITIVE),
+            reached: reached.max(f64::MIN_POSITIVE),
+        });
     }
     let Some(mut finest) = finest else {
         return Some(Atlas::default());

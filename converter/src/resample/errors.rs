@@ -75,7 +75,7 @@ pub(super) enum Bound {
 
 /// A triangle, and the largest squared gap over it.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Loose {
+struct Loose {
     square: f64,
     triangle: u32,
 }
@@ -111,8 +111,7 @@ fn error(
     scratch: &mut Scratch,
     bound: Bound,
 ) -> GridError {
-    let mut loose = std::mem::take(&mut scratch.loose);
-    loose.clear();
+    let mut loose = Vec::with_capacity(triangles.len());
     let (mut plane, mut squares, mut area) = (0.0f64, 0.0, 0.0);
     for &triangle in triangles {
         let normal = unit_normal(source.corners(triangle));
@@ -148,9 +147,8 @@ fn error(
         .max(plane);
     let max = match bound {
         Bound::Parametric => most,
-        Bound::Tight => tightened(source, image, &mut loose, plane, most, scratch),
+        Bound::Tight => tightened(source, image, loose, plane, most, scratch),
     };
-    scratch.loose = loose;
     GridError {
         max: max * (1.0 + ROUNDING),
         max_plane: plane,
@@ -168,7 +166,7 @@ fn mean_square([a, b, c]: [f64; 3]) -> f64 {
 fn tightened(
     source: &Source,
     image: &Image,
-    loose: &mut Vec<Loose>,
+    mut loose: Vec<Loose>,
     plane: f64,
     most: f64,
     scratch: &mut Scratch,
@@ -177,7 +175,7 @@ fn tightened(
     let threshold = (plane * TIGHT_ENOUGH).powi(2);
     loose.retain(|loose| loose.square > threshold);
     // Few of them are looked at, so they are not sorted.
-    let mut queue = BinaryHeap::from(std::mem::take(loose));
+    let mut queue = BinaryHeap::from(loose);
     while let Some(Loose { square, triangle }) = queue.pop() {
         if square <= (max * TIGHT_ENOUGH).powi(2) {
             return max.max(square.sqrt());

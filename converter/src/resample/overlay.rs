@@ -7,7 +7,6 @@
 //!
 //! Points in space are carried through the cuts, not recomputed from (u, v): needles there have no useful gradients.
 
-use super::errors::Loose;
 use super::polygon::{Corner, Polygon};
 use super::surfaces::{Half, Image, Source};
 use glam::{DVec2, DVec3};
@@ -147,15 +146,12 @@ impl Corner for Place {
 #[derive(Debug)]
 pub(super) struct Scratch {
     polygons: [Polygon<Place>; 5],
-    /// Triangles and their gaps.
-    pub(super) loose: Vec<Loose>,
 }
 
 impl Default for Scratch {
     fn default() -> Self {
         Self {
             polygons: [Polygon::EMPTY; 5],
-            loose: Vec::new(),
         }
     }
 }

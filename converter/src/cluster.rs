@@ -20,8 +20,8 @@ pub mod tree;
 
 use crate::mesh::ManifoldMesh;
 use glam::DVec3;
+use marquetry_format::ClusterMesh;
 use marquetry_format::Lattice;
-use marquetry_format::writer::ClusterInput;
 
 /// What a node has room for beside its triangles and vertices.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -42,6 +42,39 @@ impl Room {
             Self::Plain => f32::INFINITY,
             Self::Textured => 30_000.0,
         }
+    }
+}
+
+/// One node of the tree of clusters.
+#[derive(Debug, Clone, Default)]
+pub struct ClusterInput {
+    /// Its triangles.
+    pub mesh: ClusterMesh,
+    /// Bound of the distance to the source, lattice units; never above the parent's.
+    pub error: f32,
+    /// Length of a texel of its texture, lattice units.
+    pub texel: Option<f32>,
+    /// None, or 2 to 65 535.
+    pub children: Vec<ClusterInput>,
+}
+
+impl ClusterInput {
+    /// The nodes of the tree, level by level, as the format's writer takes them.
+    pub fn into_levels(self) -> Vec<marquetry_format::writer::ClusterInput> {
+        let mut waiting = std::collections::VecDeque::from([self]);
+        let (mut nodes, mut next) = (Vec::new(), 1);
+        while let Some(node) = waiting.pop_front() {
+            let end = next + u32::try_from(node.children.len()).unwrap_or(u32::MAX);
+            nodes.push(marquetry_format::writer::ClusterInput {
+                mesh: node.mesh,
+                error: node.error,
+                texel: node.texel,
+                children: (next..end).collect(),
+            });
+            waiting.extend(node.children);
+            next = end;
+        }
+        nodes
     }
 }
 

@@ -517,9 +517,10 @@ impl Conversion<'_> {
         };
         let bytes = {
             let mut out = std::io::BufWriter::new(file.as_file_mut());
+            let clusters = clusters.map(|layer| layer.root.clone().into_levels());
             let content = writer::Content {
                 charts: &atlas.charts,
-                clusters: clusters.map(|layer| &layer.root),
+                clusters: clusters.as_deref().unwrap_or_default(),
                 colour,
             };
             let bytes = writer::write(metadata, &metadata.lattice, &content, &mut out)

@@ -49,7 +49,7 @@ pub mod writer;
 
 pub use bytes_by_part::BytesByPart;
 pub use chart::{Chart, ChartId, Glue, Side};
-pub use cluster::{ClusterId, ClusterMesh, ClusterNode, Clusters};
+pub use cluster::{ClusterGroup, ClusterGroupId, ClusterId, ClusterMesh, ClusterNode, Clusters};
 pub use codec::octahedral;
 pub use colour::{ColourIndex, TexelSize, TileEntry, TileId, TileTexels};
 pub use error::Error;

@@ -7,7 +7,7 @@ pub struct Limits {
     pub charts: u32,
     /// Pages in a file.
     pub pages: u32,
-    /// Nodes of the cluster tree.
+    /// Clusters in a file.
     pub clusters: u32,
     /// Bytes of metadata, encoded.
     pub metadata_bytes: u64,

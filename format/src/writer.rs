@@ -59,17 +59,19 @@ pub struct ChartInput {
     pub root: NodeInput,
 }
 
-/// One node of the cluster tree, as the converter made it.
+/// One cluster, as the converter made it.
 #[derive(Debug, Clone, Default)]
 pub struct ClusterInput {
     /// Its triangles, 1 to 256 with at most 256 vertices; the writer orders triangles and vertices anew.
     pub mesh: ClusterMesh,
-    /// As [`ClusterNode::error`](crate::ClusterNode::error); never above the parent's.
+    /// As [`ClusterNode::error`](crate::ClusterNode::error), lattice units: equal for nodes with the same children, and never
+    /// below these children's.
     pub error: f32,
     /// Length of a texel of the mesh's texture, lattice units, above 0; `None` without one.
     pub texel: Option<f32>,
-    /// None, or 2 to 65 535.
-    pub children: Vec<ClusterInput>,
+    /// Places, in the list of all clusters, of the nodes that replace it: none for a leaf, or 2 to 65 535. Nodes with equal
+    /// lists are replaced together; other lists have no node in common.
+    pub children: Vec<u32>,
 }
 
 /// What a file holds. Either may be missing, not both.
@@ -77,8 +79,8 @@ pub struct ClusterInput {
 pub struct Content<'a> {
     /// The atlas.
     pub charts: &'a [ChartInput],
-    /// The root of the cluster tree.
-    pub clusters: Option<&'a ClusterInput>,
+    /// The clusters: none, or the root and then the others in any order, which says nothing but how equals are numbered.
+    pub clusters: &'a [ClusterInput],
     /// Colour tiles, one entry a chart.
     pub colour: Option<&'a ColourInput>,
 }
@@ -102,7 +104,7 @@ pub fn write_atlas(
 ) -> Result<BytesByPart, Error> {
     let content = Content {
         charts,
-        clusters: None,
+        clusters: &[],
         colour: None,
     };
     write(metadata, lattice, &content, out)
@@ -128,10 +130,11 @@ pub fn write(
         has_colours: metadata.has_colours,
     };
     let charts = content.charts;
-    let clusters = content
-        .clusters
-        .map(|root| ClusterLayer::new(root, coding))
-        .transpose()?;
+    let clusters = if content.clusters.is_empty() {
+        None
+    } else {
+        Some(ClusterLayer::new(content.clusters, coding)?)
+    };
     if charts.is_empty() && clusters.is_none() {
         return Err(Error::Input {
             rule: "a file has a chart or a cluster",
@@ -151,8 +154,8 @@ pub fn write(
     let before_charts = Header::encoded_length(kinds.len() as u32)
         + metadata_bytes.len() as u64
         + Directory::encoded_length(block_count);
-    let tree_bytes = clusters.as_ref().map_or(0, ClusterLayer::tree_bytes);
-    let front = Front::new(charts, coding, before_charts + tree_bytes)?;
+    let graph_bytes = clusters.as_ref().map_or(0, ClusterLayer::graph_bytes);
+    let front = Front::new(charts, coding, before_charts + graph_bytes)?;
     let encoded = encode_pages(&pages, coding, front.base_resolution)?;
 
     let facts = facts_of_blocks(&encoded)?;
@@ -165,7 +168,7 @@ pub fn write(
         colour.as_ref(),
     )?;
 
-    let index_start = before_charts + tree_bytes + (front.charts.len() + front.base.len()) as u64;
+    let index_start = before_charts + graph_bytes + (front.charts.len() + front.base.len()) as u64;
     let (index_bytes, directory) = index(&content_id, charts.len(), index_start, &encoded, &facts);
     let page_bytes: Vec<u8> = encoded
         .iter()
@@ -173,16 +176,16 @@ pub fn write(
         .copied()
         .collect();
 
-    let (tree, cluster_pages) = match &clusters {
+    let (graph, cluster_pages) = match &clusters {
         Some(layer) => (
-            layer.tree_section(&content_id),
+            layer.graph_section(&content_id),
             layer.pages().collect::<Vec<_>>().concat(),
         ),
         None => (Vec::new(), Vec::new()),
     };
     let directory_bytes = directory.encode();
     let before_colour = Header::encoded_length(kinds.len() as u32)
-        + [&metadata_bytes, &directory_bytes, &front.charts, &tree]
+        + [&metadata_bytes, &directory_bytes, &front.charts, &graph]
             .iter()
             .chain(&[&front.base, &index_bytes, &cluster_pages, &page_bytes])
             .map(|body| body.len() as u64)
@@ -195,7 +198,7 @@ pub fn write(
         SectionKind::Metadata => &metadata_bytes,
         SectionKind::Directory => &directory_bytes,
         SectionKind::Charts => &front.charts,
-        SectionKind::Clusters => &tree,
+        SectionKind::Clusters => &graph,
         SectionKind::Base => &front.base,
         SectionKind::IndexBlocks => &index_bytes,
         SectionKind::ClusterPages => &cluster_pages,
@@ -213,7 +216,7 @@ pub fn write(
     let [more_geometry, more_normals, more_colour] =
         clusters.as_ref().map_or([0; 3], |layer| layer.part_bytes);
     let root_bytes = clusters.as_ref().map_or(0, ClusterLayer::root_bytes);
-    let index = directory_bytes.len() + front.charts.len() + index_bytes.len() + tree.len();
+    let index = directory_bytes.len() + front.charts.len() + index_bytes.len() + graph.len();
     Ok(BytesByPart {
         total,
         header: Header::encoded_length(kinds.len() as u32) + metadata_bytes.len() as u64,
@@ -302,7 +305,7 @@ fn put(
     Ok(end)
 }
 
-/// Order of the sections of a file with clusters: their tree in the front, their pages after the atlas's.
+/// Order of the sections of a file with clusters: their graph in the front, their pages after the atlas's.
 const SECTIONS_WITH_CLUSTERS: [SectionKind; 8] = [
     SectionKind::Metadata,
     SectionKind::Directory,
@@ -435,7 +438,7 @@ fn content_id(
         hasher.update(&page.bytes);
     }
     if let Some(layer) = clusters {
-        for part in layer.tree.iter().map(Vec::as_slice).chain(layer.pages()) {
+        for part in layer.graph.iter().map(Vec::as_slice).chain(layer.pages()) {
             hasher.update(part);
         }
     }

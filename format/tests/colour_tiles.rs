@@ -60,7 +60,7 @@ fn written(colour: &Vec<Option<ChartTiles>>) -> Result<Vec<u8>, Error> {
     let mut out = Vec::new();
     let content = Content {
         charts: &cube.charts(),
-        clusters: None,
+        clusters: &[],
         colour: Some(colour),
     };
     write(&cube.metadata(), &cube.lattice(), &content, &mut out)?;

@@ -440,8 +440,8 @@ fn clusters_survive_with_and_without_charts() {
             shift,
             has_colours,
         };
-        let root = clusters(shift, has_colours);
-        let file = model.write_with(&root).unwrap();
+        let nodes = clusters(shift, has_colours);
+        let file = model.write_with(&nodes).unwrap();
         let source = SliceSource(&file);
         let report = verify(&source).unwrap();
         assert!(report.ok, "{report:#?}");
@@ -451,7 +451,6 @@ fn clusters_survive_with_and_without_charts() {
         assert_eq!(tree.leaf_triangles(), 4 * 5 * 4);
         let meshes = decode_clusters(&document, &source);
         assert_eq!(tree.root, meshes[0]);
-        let nodes = in_levels(&root);
         assert_eq!(meshes.len(), nodes.len());
         for ((given, read), (id, node)) in nodes.iter().zip(&meshes).zip((0..).zip(&tree.nodes)) {
             let triangles = |mesh: &ClusterMesh| {
@@ -494,22 +493,20 @@ fn clusters_survive_with_and_without_charts() {
 
 #[test]
 fn a_cluster_of_many_children_survives() {
-    let mut root = clusters(4, false);
-    let mut leaf = root.children[0].clone();
-    while let Some(below) = leaf.children.pop() {
-        leaf = below;
-    }
-    for count in [255, 256, 1000] {
-        root.children = vec![leaf.clone(); count];
+    let tree = clusters(4, false);
+    for count in [255u16, 256, 1000] {
+        let mut nodes = vec![tree[6].clone(); usize::from(count) + 1];
+        nodes[0] = tree[0].clone();
+        nodes[0].children = (1..=u32::from(count)).collect();
         let model = without_charts(4, false);
-        let file = model.write_with(&root).unwrap();
+        let file = model.write_with(&nodes).unwrap();
         assert!(verify(&SliceSource(&file)).unwrap().ok);
         let document = open(&file);
         let tree = document.clusters.as_ref().unwrap();
-        assert_eq!(tree.nodes[0].children.len(), count);
+        assert_eq!(tree.nodes[0].children.len(), usize::from(count));
         assert_eq!(
             decode_clusters(&document, &SliceSource(&file)).len(),
-            count + 1
+            nodes.len()
         );
     }
 }
@@ -517,20 +514,22 @@ fn a_cluster_of_many_children_survives() {
 #[test]
 fn clusters_that_break_a_rule_are_not_written() {
     let model = without_charts(4, false);
-    let refused = |change: &dyn Fn(&mut writer::ClusterInput)| {
-        let mut root = clusters(4, false);
-        change(&mut root);
-        matches!(model.write_with(&root), Err(Error::Input { .. }))
+    let refused = |change: &dyn Fn(&mut Vec<writer::ClusterInput>)| {
+        let mut nodes = clusters(4, false);
+        change(&mut nodes);
+        matches!(model.write_with(&nodes), Err(Error::Input { .. }))
     };
     assert!(!refused(&|_| ()));
-    assert!(refused(&|root| root.error = 1.0));
-    assert!(refused(&|root| root.error = f32::NAN));
-    assert!(refused(&|root| root.children.truncate(1)));
-    assert!(refused(&|root| root.mesh.positions[3][1] += 1));
-    assert!(refused(&|root| root.mesh.triangles[0] = [1, 1, 2]));
-    assert!(refused(&|root| root.mesh.triangles[0] = [1, 2, 200]));
-    assert!(refused(&|root| root.mesh.triangles.clear()));
-    assert!(refused(&|root| root.mesh.triangles = vec![[0, 1, 2]; 257]));
-    assert!(refused(&|root| root.mesh.normals.truncate(3)));
+    assert!(refused(&|nodes| nodes[0].error = 1.0));
+    assert!(refused(&|nodes| nodes[0].error = f32::NAN));
+    assert!(refused(&|nodes| nodes[0].children.truncate(1)));
+    assert!(refused(&|nodes| nodes[0].mesh.positions[3][1] += 1));
+    assert!(refused(&|nodes| nodes[0].mesh.triangles[0] = [1, 1, 2]));
+    assert!(refused(&|nodes| nodes[0].mesh.triangles[0] = [1, 2, 200]));
+    assert!(refused(&|nodes| nodes[0].mesh.triangles.clear()));
+    assert!(refused(
+        &|nodes| nodes[0].mesh.triangles = vec![[0, 1, 2]; 257]
+    ));
+    assert!(refused(&|nodes| nodes[0].mesh.normals.truncate(3)));
     assert!(matches!(model.write(), Err(Error::Input { .. })));
 }

@@ -29,22 +29,22 @@ fn textured(node: &mut ClusterInput, texel: f32) {
 }
 
 /// The root and one leaf have textures, the others none.
-fn tree(has_colours: bool) -> ClusterInput {
-    let mut root = clusters(10, has_colours);
-    textured(&mut root, 2.5e4);
-    textured(&mut root.children[1].children[0], 0.3);
-    root
+fn tree(has_colours: bool) -> Vec<ClusterInput> {
+    let mut nodes = clusters(10, has_colours);
+    textured(&mut nodes[0], 2.5e4);
+    textured(&mut nodes[5], 0.3);
+    nodes
 }
 
-fn written(root: &ClusterInput, has_colours: bool) -> Result<Vec<u8>, Error> {
-    without_charts(10, has_colours).write_with(root)
+fn written(nodes: &[ClusterInput], has_colours: bool) -> Result<Vec<u8>, Error> {
+    without_charts(10, has_colours).write_with(nodes)
 }
 
 #[test]
 fn textures_survive() {
     for has_colours in [true, false] {
-        let root = tree(has_colours);
-        let file = written(&root, has_colours).unwrap();
+        let inputs = tree(has_colours);
+        let file = written(&inputs, has_colours).unwrap();
         let report = verify(&SliceSource(&file)).unwrap();
         assert!(report.ok, "{report:#?}");
         let decoding = report
@@ -55,7 +55,7 @@ fn textures_survive() {
         let document = open(&file);
         let nodes = &document.clusters.as_ref().unwrap().nodes;
         let meshes = decode_clusters(&document, &SliceSource(&file));
-        for ((given, node), mesh) in in_levels(&root).iter().zip(nodes).zip(&meshes) {
+        for ((given, node), mesh) in inputs.iter().zip(nodes).zip(&meshes) {
             assert_eq!(given.texel.is_some(), mesh.texture.is_some());
             let (Some(given_texel), Some(texel)) = (given.texel, node.texel) else {
                 assert_eq!(given.texel.is_some(), node.texel.is_some());
@@ -94,11 +94,10 @@ fn a_tree_without_textures_says_nothing_of_them() {
 #[test]
 fn what_is_wrong_is_not_written() {
     let spoilt = |spoil: fn(&mut ClusterInput)| {
-        let mut root = tree(false);
-        spoil(&mut root);
-        written(&root, false).is_err()
+        let mut nodes = tree(false);
+        spoil(&mut nodes[0]);
+        written(&nodes, false).is_err()
     };
-    let texture = |root: &mut ClusterInput| root.mesh.texture.take().unwrap();
     assert!(!spoilt(|_| ()));
     assert!(spoilt(|root| root.texel = None));
     assert!(spoilt(|root| root.texel = Some(f32::NAN)));
@@ -126,12 +125,12 @@ fn what_is_wrong_is_not_written() {
         .truncate(9)));
     // Twelve is no multiple of eight.
     let small = include_bytes!("data/tile_12x12.vp8");
-    let mut root = tree(false);
-    root.mesh.texture = Some(ClusterTexture {
-        places: vec![[0, 0]; texture(&mut root).places.len()],
+    let mut nodes = tree(false);
+    nodes[0].mesh.texture = Some(ClusterTexture {
+        places: vec![[0, 0]; nodes[0].mesh.positions.len()],
         frame: small.to_vec(),
     });
-    assert!(written(&root, false).is_err());
+    assert!(written(&nodes, false).is_err());
 }
 
 /// The codec has no checksum, the page has: damage is found there.

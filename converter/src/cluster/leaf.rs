@@ -13,13 +13,13 @@ use super::patchwork::{self, Halves};
 use super::shape::{Shape, Vertex, point};
 use crate::atlas::chart_graph::hilbert_key;
 use crate::atlas::quantize::lattice_from_world;
+use crate::cluster::ClusterInput;
 use crate::mesh::ManifoldMesh;
 use glam::DVec3;
 use marquetry_format::cluster::{
     MAX_CLUSTER_CHILDREN, MAX_CLUSTER_TRIANGLES, MAX_CLUSTER_VERTICES,
 };
 use marquetry_format::lattice::LATTICE_BITS;
-use marquetry_format::writer::ClusterInput;
 use marquetry_format::{Lattice, octahedral};
 use rayon::prelude::*;
 

@@ -12,8 +12,8 @@ use super::Room;
 use super::leaf::{Piece, leaf};
 use super::simplify::simplified_within;
 use super::tree::{above, joined, parent};
+use crate::cluster::ClusterInput;
 use marquetry_format::LatticePoint;
-use marquetry_format::writer::ClusterInput;
 use std::collections::HashMap;
 use std::ops::Range;
 

@@ -8,7 +8,7 @@ use super::Room;
 use super::leaf::upwards;
 use super::shape::Shape;
 use super::simplify::simplified;
-use marquetry_format::writer::ClusterInput;
+use crate::cluster::ClusterInput;
 use rayon::prelude::*;
 
 /// Most children of a node.

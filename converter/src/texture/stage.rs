@@ -9,10 +9,11 @@ use super::images::{ImageError, ImageStore};
 use super::light::Light;
 use super::source::SourceMesh;
 use crate::atlas::patch::Patch;
+use crate::cluster::ClusterInput;
 use crate::mesh::ImportedMesh;
 use crate::parameterize::Parametrization;
 use glam::DVec3;
-use marquetry_format::writer::{ClusterInput, ColourInput};
+use marquetry_format::writer::ColourInput;
 use marquetry_format::{Glue, Lattice};
 use rayon::prelude::*;
 

@@ -1,15 +1,14 @@
-//! The cluster section: what the tree looks like, and the mesh of its root.
+//! The cluster section: the facts of all nodes, and the mesh of the root.
 
+use super::graph::{JOINS, graph};
 use super::mesh::{self, Counts};
-use super::{
-    ClusterId, ClusterMesh, ClusterNode, Clusters, MAX_CLUSTER_LEVELS, MAX_CLUSTER_VERTICES,
-};
+use super::{ClusterMesh, ClusterNode, Clusters};
 use crate::bytes::Cursor;
 use crate::codec::packing::{self, Method};
 use crate::codec::page::Coding;
 use crate::codec::payload::unzigzag;
 use crate::header::{Section, checksum};
-use crate::index::quantize::{BoundsCode, error_from_code};
+use crate::index::quantize::BoundsCode;
 use crate::{Bounds, Error, LatticePoint, Limits};
 
 const WHAT: &str = "clusters";
@@ -21,6 +20,8 @@ const FACT_BYTES: usize = 21;
 const MORE_CHILDREN: u8 = 1;
 /// Set where the lengths of texels follow.
 const TEXELS: u8 = 2;
+/// Set where it follows which group a node joins, three bytes each.
+const GROUPS: u8 = 4;
 /// Codes of a length of texels to a factor of two.
 const TEXEL_STEPS: f32 = 8.0;
 /// log2 of the length, in lattice units, that the first code stands for.
@@ -29,7 +30,10 @@ const LEAST_TEXEL: f32 = -6.0;
 /// The stored facts of one node, beside its checksum.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) struct Facts {
+    /// [`JOINS`] for a node that joins a group.
     pub(crate) children: u16,
+    /// With [`JOINS`], the groups that were begun after the one that it joins, 24 bits; else 0.
+    pub(crate) back: u32,
     /// 24 bits; 0 for the root, whose mesh ends the section.
     pub(crate) length: u32,
     /// Less 1.
@@ -55,7 +59,7 @@ pub(crate) fn texel_code(texel: f32) -> u8 {
     code.max(1)
 }
 
-fn texel_from_code(code: u8) -> Option<f32> {
+pub(super) fn texel_from_code(code: u8) -> Option<f32> {
     let steps = code.checked_sub(1)?;
     Some((f32::from(steps) / TEXEL_STEPS + LEAST_TEXEL).exp2())
 }
@@ -92,15 +96,14 @@ pub(crate) fn decode(
     let method = Method::from_code(WHAT, cursor.u8()?)?;
     let more_planes = cursor.u8()?;
     let reserved = [cursor.u8()?, cursor.u8()?];
-    if more_planes & !(MORE_CHILDREN | TEXELS) != 0 || reserved != [0; 2] {
+    if more_planes & !(MORE_CHILDREN | TEXELS | GROUPS) != 0 || reserved != [0; 2] {
         let [b, c] = reserved;
         return Err(Error::Reserved {
             what: WHAT,
             value: u64::from(u32::from_le_bytes([more_planes, b, c, 0])),
         });
     }
-    let planes = usize::try_from(more_planes.count_ones()).unwrap_or_default();
-    let fact_bytes = FACT_BYTES.saturating_add(planes);
+    let fact_bytes = planes(more_planes);
     if count == 0 {
         return Err(Error::Value {
             what: "number of clusters",
@@ -121,7 +124,7 @@ pub(crate) fn decode(
     let data = packing::unpack(WHAT, method, packed, count.saturating_mul(fact_bytes))?;
     let facts = read_facts(&data, count, more_planes)?;
 
-    let mut nodes = tree(&facts, checksums)?;
+    let (mut nodes, groups) = graph(&facts, checksums)?;
     let root_start = own.range.end.saturating_sub(root_bytes.len() as u64);
     let mut offset = pages.range.start;
     for (index, (node, facts)) in nodes.iter_mut().zip(&facts).enumerate() {
@@ -172,6 +175,7 @@ pub(crate) fn decode(
     let root = decode_node(coding, root, content_id, root_bytes)?;
     Ok(Clusters {
         nodes,
+        groups,
         root,
         part_bytes,
     })
@@ -247,11 +251,19 @@ pub(crate) fn check_node(
     })
 }
 
-fn holds(bounds: &Bounds, point: &LatticePoint) -> bool {
+pub(super) fn holds(bounds: &Bounds, point: &LatticePoint) -> bool {
     let (min, max) = (bounds.min.iter(), bounds.max.iter());
     min.zip(max)
         .zip(point)
         .all(|((min, max), c)| min <= c && c <= max)
+}
+
+/// Planes of the facts where these bits are set.
+fn planes(flags: u8) -> usize {
+    [(MORE_CHILDREN, 1), (TEXELS, 1), (GROUPS, 3)]
+        .iter()
+        .filter(|(flag, _)| flags & flag != 0)
+        .fold(FACT_BYTES, |sum, &(_, planes)| sum.saturating_add(planes))
 }
 
 fn read_facts(data: &[u8], count: usize, more_planes: u8) -> Result<Vec<Facts>, Error> {
@@ -260,7 +272,9 @@ fn read_facts(data: &[u8], count: usize, more_planes: u8) -> Result<Vec<Facts>, 
         data.get(index).copied().unwrap_or_default()
     };
     let has_more_children = more_planes & MORE_CHILDREN != 0;
-    let texel_plane = FACT_BYTES.saturating_add(usize::from(has_more_children));
+    let texel_plane = planes(more_planes & MORE_CHILDREN);
+    let has_groups = more_planes & GROUPS != 0;
+    let group_plane = planes(more_planes & (MORE_CHILDREN | TEXELS));
     let mut facts = Vec::with_capacity(count);
     let mut error = 0u16;
     let mut near = [0u32; 3];
@@ -270,6 +284,15 @@ fn read_facts(data: &[u8], count: usize, more_planes: u8) -> Result<Vec<Facts>, 
         } else {
             0
         };
+        let children = u16::from_le_bytes([at(0, node), more_children]);
+        if children == JOINS && !has_groups {
+            return Err(Error::Value {
+                what: "children of a cluster",
+                found: u64::from(children),
+            });
+        }
+        let back = [0, 1, 2].map(|byte: usize| at(group_plane.saturating_add(byte), node));
+        let [low, middle, high] = if has_groups { back } else { [0; 3] };
         let code = u16::from_le_bytes([at(6, node), at(7, node)]);
         let difference = (code >> 1) ^ (code & 1).wrapping_neg();
         error = error.wrapping_add(difference);
@@ -302,7 +325,8 @@ fn read_facts(data: &[u8], count: usize, more_planes: u8) -> Result<Vec<Facts>, 
             }
         };
         facts.push(Facts {
-            children: u16::from_le_bytes([at(0, node), more_children]),
+            children,
+            back: u32::from_le_bytes([low, middle, high, 0]),
             length: u32::from_le_bytes([at(1, node), at(2, node), at(3, node), 0]),
             vertices: at(4, node),
             triangles: at(5, node),
@@ -318,82 +342,7 @@ fn read_facts(data: &[u8], count: usize, more_planes: u8) -> Result<Vec<Facts>, 
     Ok(facts)
 }
 
-/// Nodes without their ranges; refuses what is no tree, or not in order.
-fn tree(facts: &[Facts], checksums: &[u8]) -> Result<Vec<ClusterNode>, Error> {
-    let count = u32::try_from(facts.len()).unwrap_or(u32::MAX);
-    let mut parents: Vec<Option<(ClusterId, u8)>> = vec![None];
-    let mut nodes: Vec<ClusterNode> = Vec::with_capacity(facts.len());
-    let mut next = 1u32;
-    let mut sums = checksums.chunks_exact(4);
-    for (index, facts) in (0u32..).zip(facts) {
-        let Some(place) = parents.get(at(index)).copied() else {
-            return Err(Error::Value {
-                what: "cluster without a parent",
-                found: u64::from(index),
-            });
-        };
-        let level = place.map_or(0, |(_, level)| level.saturating_add(1));
-        let end = next.saturating_add(u32::from(facts.children));
-        if end > count || facts.children == 1 || level >= MAX_CLUSTER_LEVELS {
-            return Err(Error::Value {
-                what: "children of a cluster",
-                found: u64::from(facts.children),
-            });
-        }
-        parents.resize(at(end), Some((ClusterId(index), level)));
-        let node = ClusterNode {
-            parent: place.map(|(parent, _)| parent),
-            children: next..end,
-            level,
-            vertices: u16::from(facts.vertices).saturating_add(1),
-            triangles: u16::from(facts.triangles).saturating_add(1),
-            error: error_from_code(facts.error),
-            texel: texel_from_code(facts.texel),
-            bounds: facts.bounds.bounds().ok_or(Error::Value {
-                what: "bounds of a cluster",
-                found: u64::from(index),
-            })?,
-            range: 0..0,
-            checksum: sums
-                .next()
-                .and_then(|sum| sum.first_chunk::<4>())
-                .map_or(0, |sum| u32::from_le_bytes(*sum)),
-        };
-        if node.vertices < 3 || usize::from(node.vertices) > MAX_CLUSTER_VERTICES {
-            return Err(Error::Value {
-                what: "vertices of a cluster",
-                found: u64::from(node.vertices),
-            });
-        }
-        if let Some(parent) = node.parent.and_then(|parent| nodes.get(at(parent.0))) {
-            if node.error > parent.error {
-                return Err(Error::Value {
-                    what: "cluster whose error is above its parent's",
-                    found: u64::from(index),
-                });
-            }
-            if !holds(&parent.bounds, &node.bounds.min) || !holds(&parent.bounds, &node.bounds.max)
-            {
-                return Err(Error::Value {
-                    what: "cluster whose bounds leave its parent's",
-                    found: u64::from(index),
-                });
-            }
-        }
-        next = end;
-        nodes.push(node);
-    }
-    if next != count {
-        return Err(Error::Mismatch {
-            what: "clusters",
-            expected: u64::from(count),
-            found: u64::from(next),
-        });
-    }
-    Ok(nodes)
-}
-
-fn at(number: u32) -> usize {
+pub(super) fn at(number: u32) -> usize {
     usize::try_from(number).unwrap_or(usize::MAX)
 }
 
@@ -411,7 +360,7 @@ pub(crate) fn encode(
     part_bytes: [u64; 3],
 ) -> Result<[Vec<u8>; 2], Error> {
     use crate::codec::payload::zigzag;
-    let mut planes: [Vec<u8>; FACT_BYTES + 2] = Default::default();
+    let mut planes: [Vec<u8>; FACT_BYTES + 5] = Default::default();
     let mut error = 0u16;
     let mut near = [0u32; 3];
     for facts in facts {
@@ -428,6 +377,7 @@ pub(crate) fn encode(
         near = facts.bounds.min.map(|c| c << shift);
         let [sx, sy, sz] = facts.bounds.size;
         let [children, more_children] = facts.children.to_le_bytes();
+        let [low, middle, high, _] = facts.back.to_le_bytes();
         let bytes = [
             children,
             a,
@@ -452,6 +402,9 @@ pub(crate) fn encode(
             sz,
             more_children,
             facts.texel,
+            low,
+            middle,
+            high,
         ];
         for (plane, byte) in planes.iter_mut().zip(bytes) {
             plane.push(byte);
@@ -464,6 +417,10 @@ pub(crate) fn encode(
             flags |= flag;
             stored.extend(plane);
         }
+    }
+    if facts.iter().any(|facts| facts.children == JOINS) {
+        flags |= GROUPS;
+        stored.extend(planes[FACT_BYTES + 2..].concat());
     }
     let (method, packed) = packing::pack(&stored)?;
     let mut head = (facts.len() as u32).to_le_bytes().to_vec();

@@ -7,24 +7,24 @@
     reason = "sizes are checked against the limits before they are used"
 )]
 
+mod order;
+
 use super::{ClusterInput, coded};
+use crate::Error;
 use crate::cluster::directory::{self, Facts, texel_code};
 use crate::cluster::mesh::{encode, in_order};
-use crate::cluster::{
-    ClusterMesh, MAX_CLUSTER_CHILDREN, MAX_CLUSTER_LEVELS, MAX_CLUSTER_TRIANGLES,
-    MAX_CLUSTER_VERTICES,
-};
+use crate::cluster::{ClusterMesh, MAX_CLUSTER_TRIANGLES, MAX_CLUSTER_VERTICES};
 use crate::codec::page::Coding;
 use crate::header::checksum;
 use crate::index::quantize::BoundsCode;
 use crate::lattice::{Bounds, LATTICE_BITS};
 use crate::parallel::map_ordered;
-use crate::{Error, Limits};
+use order::Order;
 
 /// Both cluster sections, but for the checksums, which depend on the content id.
 pub(super) struct ClusterLayer {
-    /// The section of the tree, before and after the checksums.
-    pub(super) tree: [Vec<u8>; 2],
+    /// The section of the facts, before and after the checksums.
+    pub(super) graph: [Vec<u8>; 2],
     /// By node.
     meshes: Vec<Vec<u8>>,
     pub(super) part_bytes: [u64; 3],
@@ -35,28 +35,21 @@ fn refuse<T>(rule: &'static str, detail: String) -> Result<T, Error> {
 }
 
 impl ClusterLayer {
-    /// Checks and codes the tree below `root`.
-    pub(super) fn new(root: &ClusterInput, coding: Coding) -> Result<Self, Error> {
-        let nodes = in_levels(root)?;
-        let bounds = bounds_of(&nodes);
-        let coded_meshes = map_ordered(&nodes, |node| -> Result<_, Error> {
-            let mesh = checked(node.input, coding)?;
+    /// Checks and codes `clusters`, of which there is at least one.
+    pub(super) fn new(clusters: &[ClusterInput], coding: Coding) -> Result<Self, Error> {
+        let order = Order::new(clusters)?;
+        let inputs: Vec<&ClusterInput> = order.places.iter().map(|&at| &clusters[at]).collect();
+        let bounds = bounds_of(&inputs, &order);
+        let links = order.links();
+        let coded_meshes = map_ordered(&inputs, |input| -> Result<_, Error> {
+            let mesh = checked(input, coding)?;
             let (bytes, parts) = encode(coding, &mesh)?;
             Ok((mesh.positions.len(), bytes, parts))
         });
         let (mut facts, mut meshes, mut part_bytes) = (Vec::new(), Vec::new(), [0; 3]);
         for (index, coded_mesh) in coded_meshes.into_iter().enumerate() {
             let (vertices, bytes, parts) = coded_mesh?;
-            let Node { input, parent } = nodes[index];
-            let error = coded(input.error)?;
-            if let Some(parent) = parent.map(|parent| nodes[parent].input)
-                && input.error > parent.error
-            {
-                return refuse(
-                    "errors never grow on the way down",
-                    format!("cluster {index}: {} below {}", input.error, parent.error),
-                );
-            }
+            let input = inputs[index];
             for (sum, part) in
                 part_bytes
                     .iter_mut()
@@ -65,27 +58,28 @@ impl ClusterLayer {
                 *sum += part;
             }
             facts.push(Facts {
-                children: input.children.len() as u16,
+                children: links[index].children,
+                back: links[index].back,
                 length: if index == 0 { 0 } else { bytes.len() as u32 },
                 vertices: (vertices - 1) as u8,
                 triangles: (input.mesh.triangles.len() - 1) as u8,
-                error,
+                error: coded(input.error)?,
                 bounds: BoundsCode::new(&bounds[index]),
                 texel: input.texel.map_or(0, texel_code),
             });
             meshes.push(bytes);
         }
-        let tree = directory::encode(&facts, &meshes[0], part_bytes)?;
+        let graph = directory::encode(&facts, &meshes[0], part_bytes)?;
         Ok(Self {
-            tree,
+            graph,
             meshes,
             part_bytes,
         })
     }
 
-    /// Length of the section of the tree.
-    pub(super) fn tree_bytes(&self) -> u64 {
-        (self.tree[0].len() + 4 * self.meshes.len() + self.tree[1].len()) as u64
+    /// Length of the section of the facts.
+    pub(super) fn graph_bytes(&self) -> u64 {
+        (self.graph[0].len() + 4 * self.meshes.len() + self.graph[1].len()) as u64
     }
 
     /// Bytes of the mesh of the root.
@@ -98,59 +92,19 @@ impl ClusterLayer {
         self.meshes[1..].iter().map(Vec::as_slice)
     }
 
-    /// The section of the tree.
-    pub(super) fn tree_section(&self, content_id: &[u8; 16]) -> Vec<u8> {
+    /// The section of the facts.
+    pub(super) fn graph_section(&self, content_id: &[u8; 16]) -> Vec<u8> {
         let checksums = self
             .meshes
             .iter()
             .flat_map(|mesh| (checksum(content_id, mesh) as u32).to_le_bytes());
-        let [head, rest] = &self.tree;
+        let [head, rest] = &self.graph;
         head.iter()
             .copied()
             .chain(checksums)
             .chain(rest.iter().copied())
             .collect()
     }
-}
-
-#[derive(Clone, Copy)]
-struct Node<'a> {
-    input: &'a ClusterInput,
-    parent: Option<usize>,
-}
-
-fn in_levels(root: &ClusterInput) -> Result<Vec<Node<'_>>, Error> {
-    let limit = Limits::default().clusters as usize;
-    let mut nodes = vec![Node {
-        input: root,
-        parent: None,
-    }];
-    let (mut next, mut level_end, mut level) = (0, 1, 0);
-    while next < nodes.len() {
-        if next == level_end {
-            level += 1;
-            level_end = nodes.len();
-        }
-        let children = &nodes[next].input.children;
-        if children.len() == 1 || children.len() > MAX_CLUSTER_CHILDREN {
-            return refuse(
-                "a cluster has no child or 2 to 65 535",
-                format!("cluster {next} has {}", children.len()),
-            );
-        }
-        nodes.extend(children.iter().map(|input| Node {
-            input,
-            parent: Some(next),
-        }));
-        if nodes.len() > limit || level >= usize::from(MAX_CLUSTER_LEVELS) {
-            return refuse(
-                "the tree of clusters is not too large",
-                format!("{} clusters in {level} levels", nodes.len()),
-            );
-        }
-        next += 1;
-    }
-    Ok(nodes)
 }
 
 /// The mesh in the order in which it is coded.
@@ -213,30 +167,42 @@ fn checked(input: &ClusterInput, coding: Coding) -> Result<ClusterMesh, Error> {
     }
 }
 
-fn bounds_of(nodes: &[Node<'_>]) -> Vec<Bounds> {
-    let mut bounds = map_ordered(nodes, |node| {
-        let mut bounds = Bounds {
-            min: [u32::MAX; 3],
-            max: [0; 3],
-        };
-        let mesh = &node.input.mesh;
+/// By place in the file: what holds the node's vertices and all its children's bounds.
+fn bounds_of(inputs: &[&ClusterInput], order: &Order) -> Vec<Bounds> {
+    let nothing = Bounds {
+        min: [u32::MAX; 3],
+        max: [0; 3],
+    };
+    let mut bounds = map_ordered(inputs, |input| {
+        let mesh = &input.mesh;
         let corners = mesh.triangles.iter().flatten();
-        for point in corners.filter_map(|&corner| mesh.positions.get(usize::from(corner))) {
-            for ((min, max), &c) in bounds.min.iter_mut().zip(&mut bounds.max).zip(point) {
-                *min = c.min(*min);
-                *max = c.max(*max);
-            }
-        }
-        bounds
+        corners
+            .filter_map(|&corner| mesh.positions.get(usize::from(corner)))
+            .fold(nothing, |sum, &point| {
+                union(
+                    sum,
+                    Bounds {
+                        min: point,
+                        max: point,
+                    },
+                )
+            })
     });
-    for index in (1..nodes.len()).rev() {
-        if let Some(parent) = nodes[index].parent {
-            let Bounds { min, max } = bounds[index];
-            for axis in 0..3 {
-                bounds[parent].min[axis] = bounds[parent].min[axis].min(min[axis]);
-                bounds[parent].max[axis] = bounds[parent].max[axis].max(max[axis]);
-            }
+    // Children come after all members, in files as in the order of groups by their last members.
+    for group in order.groups.iter().rev() {
+        let below = bounds[group.children.clone()]
+            .iter()
+            .fold(nothing, |sum, &child| union(sum, child));
+        for &member in &group.members {
+            bounds[member] = union(bounds[member], below);
         }
     }
     bounds
+}
+
+fn union(a: Bounds, b: Bounds) -> Bounds {
+    Bounds {
+        min: [0, 1, 2].map(|axis| a.min[axis].min(b.min[axis])),
+        max: [0, 1, 2].map(|axis| a.max[axis].max(b.max[axis])),
+    }
 }

@@ -167,12 +167,12 @@ fn tree() -> Vec<Case> {
                 }
             )
         }),
-        ("clusters_planes_4", with_tree(|t| t[33] = 4), |e| {
+        ("clusters_planes_8", with_tree(|t| t[33] = 8), |e| {
             matches!(
                 e,
                 Error::Reserved {
                     what: "clusters",
-                    value: 4
+                    value: 8
                 }
             )
         }),

@@ -129,12 +129,12 @@ impl Model<'_> {
         }
     }
 
-    pub fn write_with(&self, clusters: &ClusterInput) -> Result<Vec<u8>, Error> {
+    pub fn write_with(&self, clusters: &[ClusterInput]) -> Result<Vec<u8>, Error> {
         let mut out = Vec::new();
         let charts = self.charts();
         let content = Content {
             charts: &charts,
-            clusters: Some(clusters),
+            clusters,
             colour: None,
         };
         let parts = write(&self.metadata(), &self.lattice(), &content, &mut out)?;
@@ -155,56 +155,47 @@ impl Model<'_> {
     }
 }
 
-/// Tetrahedra along a line: 4 leaves of 5 below 2 nodes below a root, coarser ones with fewer.
-pub fn clusters(shift: u8, has_colours: bool) -> ClusterInput {
-    let mesh = |tetrahedra: &[u32]| {
-        let mut mesh = ClusterMesh::default();
-        for &n in tetrahedra {
-            let first = mesh.positions.len() as u8;
-            for [x, y, z] in [[0, 0, 0], [3, 0, 0], [0, 3, 0], [0, 0, 3]] {
-                let point = [9 * n + x, 2 * n + y, 500 - n + z];
-                mesh.positions.push(point.map(|c| (c + 7) << shift));
-                mesh.normals
-                    .push(octahedral::encode([1.0, y as f32, z as f32]));
-                if has_colours {
-                    mesh.colours.push([(n * 9) as u8, 100, y as u8]);
-                }
-            }
-            for [a, b, c] in [[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]] {
-                mesh.triangles.push([first + a, first + b, first + c]);
-            }
-        }
-        mesh
-    };
-    let leaf = |n: u32| ClusterInput {
-        mesh: mesh(&[0, 1, 2, 3, 4].map(|k| 5 * n + k)),
-        error: 0.5,
+/// Tetrahedra along a line: 4 leaves of 5 below 2 nodes below a root, coarser ones with fewer; level by level.
+pub fn clusters(shift: u8, has_colours: bool) -> Vec<ClusterInput> {
+    let node = |tetrahedra: &[u32], error: f32, children: &[u32]| ClusterInput {
+        mesh: tetrahedra_of(tetrahedra, shift, has_colours),
+        error,
         texel: None,
-        children: Vec::new(),
+        children: children.to_vec(),
     };
-    let inner = |n: u32| ClusterInput {
-        mesh: mesh(&[0, 2, 5, 8].map(|k| 10 * n + k)),
-        error: 30_000.0,
-        texel: None,
-        children: vec![leaf(2 * n), leaf(2 * n + 1)],
-    };
-    ClusterInput {
-        mesh: mesh(&[0, 6, 13, 19]),
-        error: 90_000.0,
-        texel: None,
-        children: vec![inner(0), inner(1)],
-    }
+    let inner =
+        |n: u32, children: &[u32]| node(&[0, 2, 5, 8].map(|k| 10 * n + k), 30_000.0, children);
+    let leaf = |n: u32| node(&[0, 1, 2, 3, 4].map(|k| 5 * n + k), 0.5, &[]);
+    vec![
+        node(&[0, 6, 13, 19], 90_000.0, &[1, 2]),
+        inner(0, &[3, 4]),
+        inner(1, &[5, 6]),
+        leaf(0),
+        leaf(1),
+        leaf(2),
+        leaf(3),
+    ]
 }
 
-/// The nodes of a cluster tree, level by level.
-pub fn in_levels(root: &ClusterInput) -> Vec<&ClusterInput> {
-    let mut nodes = vec![root];
-    let mut next = 0;
-    while let Some(node) = nodes.get(next) {
-        nodes.extend(&node.children);
-        next += 1;
+/// These of the tetrahedra along a line.
+fn tetrahedra_of(tetrahedra: &[u32], shift: u8, has_colours: bool) -> ClusterMesh {
+    let mut mesh = ClusterMesh::default();
+    for &n in tetrahedra {
+        let first = mesh.positions.len() as u8;
+        for [x, y, z] in [[0, 0, 0], [3, 0, 0], [0, 3, 0], [0, 0, 3]] {
+            let point = [9 * n + x, 2 * n + y, 500 - n + z];
+            mesh.positions.push(point.map(|c| (c + 7) << shift));
+            mesh.normals
+                .push(octahedral::encode([1.0, y as f32, z as f32]));
+            if has_colours {
+                mesh.colours.push([(n * 9) as u8, 100, y as u8]);
+            }
+        }
+        for [a, b, c] in [[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]] {
+            mesh.triangles.push([first + a, first + b, first + c]);
+        }
     }
-    nodes
+    mesh
 }
 
 pub fn glued(chart: u32, side: u8, reversed: bool) -> Option<Glue> {

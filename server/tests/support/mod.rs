@@ -70,7 +70,7 @@ fn written(seed: u32, colour: Option<&ColourInput>) -> Vec<u8> {
     let mut bytes = Vec::new();
     let content = Content {
         charts: &[chart],
-        clusters: None,
+        clusters: &[],
         colour,
     };
     write(&metadata, &lattice, &content, &mut bytes).unwrap();

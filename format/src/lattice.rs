@@ -36,3 +36,17 @@ pub struct Bounds {
     /// Largest coordinates.
     pub max: LatticePoint,
 }
+
+impl Bounds {
+    /// What lies in both; its smallest coordinates are above its largest where nothing does.
+    pub(crate) fn common(&self, other: &Self) -> Self {
+        let mut common = *self;
+        for (low, min) in common.min.iter_mut().zip(other.min) {
+            *low = min.max(*low);
+        }
+        for (high, max) in common.max.iter_mut().zip(other.max) {
+            *high = max.min(*high);
+        }
+        common
+    }
+}

@@ -19,7 +19,8 @@ use marquetry_format::*;
 use std::path::PathBuf;
 use support::*;
 
-const NAMES: [&str; 7] = [
+const NAMES: [&str; 8] = [
+    "clusters_in_groups",
     "clusters_without_charts",
     "coloured_strip_with_clusters",
     "coloured_strip",
@@ -46,6 +47,9 @@ fn model(name: &str) -> Vec<u8> {
                 ..plain
             };
             return model.write_with(&clusters(10, false)).unwrap();
+        }
+        "clusters_in_groups" => {
+            return plain.write_with(&grouped_clusters(10, true)).unwrap();
         }
         "walked_clusters" | "coloured_strip_with_clusters" => {
             return plain.write_with(&clusters(10, true)).unwrap();

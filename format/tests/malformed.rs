@@ -783,20 +783,26 @@ fn flipped_bits_in_pages_are_noticed() {
 
 #[test]
 fn flipped_bits_in_clusters_are_noticed() {
-    let mut file = clusters::file();
-    assert!(verify(&SliceSource(&file)).unwrap().ok);
-    for bit in 0..8 * file.len() {
-        file[bit / 8] ^= 1 << (bit % 8);
-        if let Ok(report) = verify(&SliceSource(&file)) {
-            assert!(!report.ok, "bit {bit} went unnoticed");
+    for mut file in [clusters::file(), clusters::grouped_file()] {
+        assert!(verify(&SliceSource(&file)).unwrap().ok);
+        for bit in 0..8 * file.len() {
+            file[bit / 8] ^= 1 << (bit % 8);
+            if let Ok(report) = verify(&SliceSource(&file)) {
+                assert!(!report.ok, "bit {bit} went unnoticed");
+            }
+            file[bit / 8] ^= 1 << (bit % 8);
         }
-        file[bit / 8] ^= 1 << (bit % 8);
     }
 }
 
 #[test]
 fn every_cut_is_noticed() {
-    for file in [tiny(), square(0.1), clusters::file()] {
+    for file in [
+        tiny(),
+        square(0.1),
+        clusters::file(),
+        clusters::grouped_file(),
+    ] {
         let step = 1 + file.len() / 2000;
         for length in (0..file.len()).step_by(step) {
             let cut = verify(&SliceSource(&file[..length]));

@@ -61,6 +61,7 @@ fn read(bytes: &[u8]) {
     if document.load_index(&source).is_err() {
         return;
     }
+    check_groups(&document);
     let clusters = document.clusters.as_ref().map_or(0, |clusters| clusters.count());
     for id in (0..clusters.min(64)).map(ClusterId) {
         let node = document.clusters.as_ref().and_then(|clusters| clusters.node(id));
@@ -83,5 +84,26 @@ fn read(bytes: &[u8]) {
         let node = document.node_of_page(page);
         assert!(node.is_none_or(|node| document.page_of_node(node) == Some(page)));
         pages.push(samples);
+    }
+}
+
+/// Every cluster but the root is a child of one group, whose members come before it.
+fn check_groups(document: &Document) {
+    let Some(clusters) = &document.clusters else {
+        return;
+    };
+    let mut parents = vec![None; clusters.nodes.len()];
+    for group in &clusters.groups {
+        assert!(group.children.len() > 1 && group.members.is_sorted());
+        for child in group.children.clone() {
+            assert!(group.members.iter().all(|member| member.0 < child));
+            let parent = parents[child as usize].replace(group.members[0]);
+            assert_eq!(parent, None);
+        }
+    }
+    for (node, parent) in clusters.nodes.iter().zip(parents) {
+        assert_eq!(node.parent, parent);
+        let children = node.group.and_then(|group| clusters.group(group));
+        assert_eq!(node.children, children.map_or(0..0, |group| group.children.clone()));
     }
 }

@@ -193,12 +193,6 @@ fn meet(
         return refuse("cluster whose error is not its group's", index);
     }
     above.level = above.level.max(node.level);
-    let Bounds { min, max } = node.bounds;
-    for (low, min) in above.bounds.min.iter_mut().zip(min) {
-        *low = min.max(*low);
-    }
-    for (high, max) in above.bounds.max.iter_mut().zip(max) {
-        *high = max.min(*high);
-    }
+    above.bounds = above.bounds.common(&node.bounds);
     Ok(())
 }

@@ -1,11 +1,11 @@
 //! Checks of the cluster layer: every mesh, and what holds between nodes.
 //!
-//! What the tree itself must keep (order, errors that do not grow, bounds within bounds) the reader has refused before.
+//! What the groups themselves must keep (order, errors that do not grow, bounds within bounds) the reader has refused before.
 
 use super::{Report, in_words};
-use crate::cluster::ClusterId;
+use crate::cluster::{ClusterId, ClusterNode, Clusters};
 use crate::rules::Tally;
-use crate::{ByteSource, Document, Error};
+use crate::{Bounds, ByteSource, Document, Error};
 
 /// Adds the checks of clusters to `report`, if the file has any.
 pub(super) fn check(document: &Document, source: &dyn ByteSource, report: &mut Report) {
@@ -14,8 +14,6 @@ pub(super) fn check(document: &Document, source: &dyn ByteSource, report: &mut R
     };
     let mut meshes = Tally::default();
     let mut textures = Tally::default();
-    let mut errors = Tally::default();
-    let mut bounds = Tally::default();
     for (id, node) in (0u32..).map(ClusterId).zip(&clusters.nodes) {
         let decoded = source
             .read(node.range.clone())
@@ -30,25 +28,52 @@ pub(super) fn check(document: &Document, source: &dyn ByteSource, report: &mut R
         meshes.check(decoded.is_ok(), || {
             format!("cluster {}: {}", id.0, in_words(decoded))
         });
-        let Some(parent) = node.parent.and_then(|parent| clusters.node(parent)) else {
-            continue;
-        };
-        errors.check(node.error <= parent.error, || {
-            format!("the error of cluster {} is above its parent's", id.0)
-        });
-        let inside = (0..3).all(|axis| {
-            let of = |point: &[u32; 3]| point.get(axis).copied();
-            of(&parent.bounds.min) <= of(&node.bounds.min)
-                && of(&node.bounds.max) <= of(&parent.bounds.max)
-        });
-        bounds.check(inside, || {
-            format!("the bounds of cluster {} leave those of its parent", id.0)
-        });
     }
     report.add("cluster checksums, decoding and bounds", meshes);
     if textures.count > 0 {
         report.add("cluster textures decode", textures);
     }
-    report.add("cluster errors monotone up the tree", errors);
+    let [errors, bounds] = between_levels(clusters);
+    report.add("cluster errors monotone up the levels", errors);
     report.add("cluster bounds within their parents'", bounds);
+}
+
+/// Errors and bounds of children against those of all members of the group above.
+fn between_levels(clusters: &Clusters) -> [Tally; 2] {
+    let mut errors = Tally::default();
+    let mut bounds = Tally::default();
+    for group in &clusters.groups {
+        let members = group.members.iter().filter_map(|&id| clusters.node(id));
+        let error = members
+            .clone()
+            .map(|node| node.error)
+            .fold(f32::INFINITY, f32::min);
+        for (id, node) in group.members.iter().zip(members.clone()) {
+            errors.check(node.error <= error, || {
+                format!("the error of cluster {} is not its group's", id.0)
+            });
+        }
+        let Some(common) = members.map(|node| node.bounds).reduce(|a, b| a.common(&b)) else {
+            continue;
+        };
+        for id in group.children.clone().map(ClusterId) {
+            let Some(node) = clusters.node(id) else {
+                continue;
+            };
+            errors.check(node.error <= error, || {
+                format!("the error of cluster {} is above its parent's", id.0)
+            });
+            bounds.check(is_inside(node, &common), || {
+                format!("the bounds of cluster {} leave those of its parent", id.0)
+            });
+        }
+    }
+    [errors, bounds]
+}
+
+fn is_inside(node: &ClusterNode, bounds: &Bounds) -> bool {
+    (0..3).all(|axis| {
+        let of = |point: &[u32; 3]| point.get(axis).copied();
+        of(&bounds.min) <= of(&node.bounds.min) && of(&node.bounds.max) <= of(&bounds.max)
+    })
 }

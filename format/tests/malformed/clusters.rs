@@ -5,6 +5,10 @@ use super::support::{clusters, without_charts};
 use super::{Case, changed};
 use marquetry_format::Error;
 
+mod groups;
+
+pub(super) use groups::file as grouped_file;
+
 /// Nodes of the tree, bytes before the checksums and before the packed facts.
 const NODES: usize = 7;
 const HEAD: usize = 36;
@@ -24,20 +28,28 @@ fn with_tree(change: impl FnOnce(&mut Vec<u8>)) -> Vec<u8> {
 /// The file with other facts, raw: planes of children, lengths (3), vertices, triangles, errors (2), shifts, minima (9),
 /// sizes (3).
 fn with_facts(change: impl FnOnce(&mut Vec<u8>)) -> Vec<u8> {
-    with_tree(|tree| {
-        let length = u32::from_le_bytes(tree[4..8].try_into().unwrap()) as usize;
-        let packed = &tree[PACKED..PACKED + length];
-        let mut facts = match tree[32] {
-            1 => packed.to_vec(),
-            2 => zstd::bulk::decompress(&[&[0x28, 0xb5, 0x2f, 0xfd], packed].concat(), 21 * NODES)
-                .unwrap(),
-            method => panic!("method {method}"),
-        };
-        change(&mut facts);
-        tree[32] = 1;
-        tree[4..8].copy_from_slice(&(facts.len() as u32).to_le_bytes());
-        tree.splice(PACKED..PACKED + length, facts);
-    })
+    with_tree(|tree| change_facts(tree, 21, change))
+}
+
+/// Changes the facts in a tree section, `planes` bytes a node.
+fn change_facts(tree: &mut Vec<u8>, planes: usize, change: impl FnOnce(&mut Vec<u8>)) {
+    let word = |at: usize| u32::from_le_bytes(tree[at..at + 4].try_into().unwrap()) as usize;
+    let (nodes, length) = (word(0), word(4));
+    let start = HEAD + 4 * nodes;
+    let packed = &tree[start..start + length];
+    let mut facts = match tree[32] {
+        1 => packed.to_vec(),
+        2 => {
+            let frame = [&[0x28, 0xb5, 0x2f, 0xfd], packed].concat();
+            zstd::bulk::decompress(&frame, planes * nodes).unwrap()
+        }
+        method => panic!("method {method}"),
+    };
+    assert_eq!(facts.len(), planes * nodes);
+    change(&mut facts);
+    tree[32] = 1;
+    tree[4..8].copy_from_slice(&(facts.len() as u32).to_le_bytes());
+    tree.splice(start..start + length, facts);
 }
 
 /// The file with another mesh of the root, whose checksum is right.
@@ -64,6 +76,7 @@ pub(super) fn cases() -> Vec<Case> {
     let mut cases = sections();
     cases.extend(tree());
     cases.extend(root());
+    cases.extend(groups::cases());
     cases
 }
 
@@ -140,10 +153,11 @@ fn sections() -> Vec<Case> {
     ]
 }
 
+fn value(e: &Error, expected: &str) -> bool {
+    matches!(e, Error::Value { what, .. } if *what == expected)
+}
+
 fn tree() -> Vec<Case> {
-    fn value(e: &Error, expected: &str) -> bool {
-        matches!(e, Error::Value { what, .. } if *what == expected)
-    }
     vec![
         ("no_clusters", with_tree(|t| t[..4].fill(0)), |e| {
             value(e, "number of clusters")

@@ -177,6 +177,33 @@ pub fn clusters(shift: u8, has_colours: bool) -> Vec<ClusterInput> {
     ]
 }
 
+/// Tetrahedra along a line in groups of several members, level by level: {1, 4} with the children 7 and 8, {2, 3} with 5 and 6, and
+/// {6, 7}, a child of each, with 11 and 12; 5 alone with 9 and 10. 8 is a leaf.
+pub fn grouped_clusters(shift: u8, has_colours: bool) -> Vec<ClusterInput> {
+    let node = |tetrahedra: &[u32], error: f32, children: &[u32]| ClusterInput {
+        mesh: tetrahedra_of(tetrahedra, shift, has_colours),
+        error,
+        texel: None,
+        children: children.to_vec(),
+    };
+    let leaf = |first: u32| node(&[0, 1, 2, 3, 4].map(|k| first + k), 0.5, &[]);
+    vec![
+        node(&[0, 10, 16, 22], 90_000.0, &[1, 2, 3, 4]),
+        node(&[16], 40_000.0, &[7, 8]),
+        node(&[0, 5], 30_000.0, &[5, 6]),
+        node(&[10], 30_000.0, &[5, 6]),
+        node(&[22], 40_000.0, &[7, 8]),
+        node(&[0, 2, 5, 8], 10_000.0, &[9, 10]),
+        node(&[10, 13], 12_000.0, &[11, 12]),
+        node(&[16, 19], 12_000.0, &[11, 12]),
+        leaf(20),
+        leaf(0),
+        leaf(5),
+        leaf(10),
+        leaf(15),
+    ]
+}
+
 /// These of the tetrahedra along a line.
 fn tetrahedra_of(tetrahedra: &[u32], shift: u8, has_colours: bool) -> ClusterMesh {
     let mut mesh = ClusterMesh::default();

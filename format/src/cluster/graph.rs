@@ -196,3 +196,107 @@ fn meet(
     above.bounds = above.bounds.common(&node.bounds);
     Ok(())
 }
+
+#[cfg(test)]
+#[allow(
+    clippy::indexing_slicing,
+    clippy::arithmetic_side_effects,
+    reason = "small numbers, and a panic fails the test"
+)]
+mod tests {
+    use super::*;
+    use crate::index::quantize::BoundsCode;
+    use proptest::prelude::*;
+    use std::ops::Range;
+
+    fn facts(children: u16, back: u32) -> Facts {
+        Facts {
+            children,
+            back,
+            length: 1,
+            vertices: 2,
+            triangles: 0,
+            error: 5,
+            bounds: BoundsCode {
+                shift: 0,
+                min: [0; 3],
+                size: [9; 3],
+            },
+            texel: 0,
+        }
+    }
+
+    /// The groups by the words of the specification, or nothing where it has none.
+    fn naive(links: &[(u16, u32)]) -> Option<Vec<(Vec<u32>, Range<u32>)>> {
+        let mut groups: Vec<(Vec<u32>, u32)> = Vec::new();
+        for (node, &(children, back)) in (0u32..).zip(links) {
+            match (children, back) {
+                (0, 0) => {}
+                (1, _) => {
+                    let after = usize::try_from(back).ok()? + 1;
+                    let place = groups.len().checked_sub(after)?;
+                    groups[place].0.push(node);
+                }
+                (_, 0) => groups.push((vec![node], u32::from(children))),
+                _ => return None,
+            }
+        }
+        let mut order: Vec<usize> = (0..groups.len()).collect();
+        order.sort_by_key(|&group| groups[group].0.last().copied());
+        let mut taken = vec![0..0; groups.len()];
+        let mut next = 1;
+        for group in order {
+            let (members, count) = &groups[group];
+            // When the last member's turn comes it has its number.
+            if members.last()? >= &next {
+                return None;
+            }
+            taken[group] = next..next + count;
+            next += count;
+        }
+        let is_whole = usize::try_from(next).ok()? == links.len();
+        is_whole.then(|| groups.into_iter().map(|group| group.0).zip(taken).collect())
+    }
+
+    /// Mostly links that fit: as many children as there are nodes.
+    fn links() -> impl Strategy<Value = Vec<(u16, u32)>> {
+        let link = prop_oneof![
+            4 => Just((0u16, 0u32)),
+            3 => (2u16..4).prop_map(|children| (children, 0)),
+            2 => (0u32..3).prop_map(|back| (1, back)),
+            1 => (0u16..4, 0u32..2),
+        ];
+        (prop::collection::vec(link, 1..14), 0..3usize).prop_map(|(mut links, more)| {
+            let children = links.iter().map(|link| usize::from(link.0));
+            let needed = 1 + children.filter(|&children| children > 1).sum::<usize>();
+            links.resize(needed.max(links.len()) + more / 2, (0, 0));
+            links
+        })
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(20_000))]
+
+        #[test]
+        fn groups_are_those_of_the_specification(links in links()) {
+            let all: Vec<Facts> = links.iter().map(|&(children, back)| facts(children, back)).collect();
+            let read = graph(&all, &vec![0; 4 * all.len()]).ok();
+            let expected = naive(&links);
+            prop_assert_eq!(read.is_some(), expected.is_some());
+            if let (Some((nodes, groups)), Some(expected)) = (read, expected) {
+                for (group, (members, children)) in groups.iter().zip(&expected) {
+                    prop_assert!(group.members.iter().map(|id| id.0).eq(members.iter().copied()));
+                    prop_assert_eq!(&group.children, children);
+                    let level = group.members.iter().map(|id| nodes[at(id.0)].level).max();
+                    for child in children.clone() {
+                        let child = &nodes[at(child)];
+                        prop_assert_eq!(Some(child.level), level.map(|level| level + 1));
+                        prop_assert_eq!(child.parent, group.members.first().copied());
+                    }
+                }
+                prop_assert_eq!(groups.len(), expected.len());
+                prop_assert!(nodes.is_sorted_by_key(|node| node.level));
+            }
+        }
+    }
+}

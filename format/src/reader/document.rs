@@ -28,7 +28,7 @@ pub struct Document {
     pub base_resolution: u8,
     /// The base: per chart its samples at `min(chart.resolution, base_resolution)`.
     pub base: Vec<PageSamples>,
-    /// The cluster tree, if the file has one.
+    /// The clusters, if the file has any.
     pub clusters: Option<Clusters>,
     header: Header,
     limits: Limits,
@@ -200,7 +200,7 @@ impl Document {
         (page.0 < self.stored_page_count()).then(|| ClusterId(below_root.saturating_add(1)))
     }
 
-    /// The node of the cluster tree whose mesh `page` holds.
+    /// The cluster whose mesh `page` holds.
     pub fn cluster_node_of_page(&self, page: PageId) -> Option<&ClusterNode> {
         self.clusters.as_ref()?.node(self.cluster_of_page(page)?)
     }

@@ -213,7 +213,7 @@ fn document_of(header: Header, front: &[u8], limits: Limits) -> Result<Document,
     ))
 }
 
-/// The cluster tree, if the file has one.
+/// The clusters, if the file has any.
 fn clusters_of(
     header: &Header,
     front: &[u8],

@@ -31,7 +31,7 @@ pub struct Pick {
 pub enum Part {
     /// Of a chart.
     Leaf(Leaf),
-    /// Of the cluster tree.
+    /// Of the cluster layer.
     Cluster(ClusterId),
 }
 

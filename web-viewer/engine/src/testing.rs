@@ -4,8 +4,10 @@
 //! are the same point are the same bits in every chart and at every resolution.
 
 mod clusters;
+mod wall;
 
 pub use clusters::{clustered, clustered_with};
+pub use wall::Wall;
 
 use crate::lod::balance;
 use crate::lod::cut::{Cut, Leaf, QUADRANTS};

@@ -1,99 +1,165 @@
 //! The cluster layer's part of a cut: which nodes are drawn, in whole, in place of everything below them.
 //!
-//! A node is drawn or all of its children are; the root is always in memory, so there is always something to draw. No two
-//! nodes share a surface, so they need no balance and no stitching, and one takes the place of others at once.
-//! Limit: nothing moves from one node's surface to the next, which therefore differ by up to the target error.
+//! After Yoon, Salomon, Gayle & Manocha, "Quick-VDR", 2004, and Karis, Stubbe & Wihlidal, "A Deep Dive into Nanite
+//! Virtualized Geometry", SIGGRAPH 2021. The root is *reached*, and so are the children of groups that are split. A group may
+//! be split where all of its members are reached; drawn is what is reached and whose group is not split. So everything is
+//! drawn once. What two groups have in common is the same on both sides, whichever of them is split, so there is no crack,
+//! no balance and no stitching. The root is always in memory, so there is always something to draw. Nanite asks every node by itself
+//! whether it is drawn; here one goes down from the root, so that a cut may stop at what is not in memory, and the work is
+//! that of what is reached.
+//!
+//! Limits: nothing moves from one node's surface to the next, which therefore differ by up to the target error. A group that
+//! is too coarse waits for members that are not reached, whose own parents are fine enough. By their errors alone this cannot be:
+//! parents' are as large, and so are their bounds, but for what members have beyond all of the children's. By the lengths of texels it can.
 
 use super::cut::Cut;
 use super::mesh::MeshBuilder;
 use crate::EngineError;
-use marquetry_format::{ByteSource, ClusterId, ClusterMesh, ClusterNode, Document, PageId};
+use marquetry_format::{
+    ByteSource, ClusterGroup, ClusterGroupId, ClusterId, ClusterMesh, ClusterNode, Document, PageId,
+};
+use std::collections::BTreeMap;
 
 /// A page of a cluster that a cut needs.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct NeededCluster {
     /// The page.
     pub page: PageId,
-    /// The page of the node above; `None` below the root.
+    /// The page of the first member of the group above; `None` below the root.
     pub parent: Option<PageId>,
-    /// The node above, which is drawn while this one is not there.
+    /// This first member, which is drawn, with the others, while this node is not there.
     pub above: ClusterId,
 }
 
-/// Nodes of the tree that `cut` draws, or those that it draws others in place of.
-fn walk(document: &Document, cut: &Cut, mut visit: impl FnMut(ClusterId, &ClusterNode, bool)) {
-    let Some(tree) = &document.clusters else {
+/// Goes down from the root. `splits` is asked of every group all of whose members are reached, in an order in which these come
+/// before their children; `visit` gets every node that is reached, and whether its group is split.
+fn descend(
+    document: &Document,
+    mut splits: impl FnMut(&ClusterGroup) -> bool,
+    mut visit: impl FnMut(ClusterId, &ClusterNode, bool),
+) {
+    let Some(clusters) = &document.clusters else {
         return;
     };
     let mut stack = vec![ClusterId(0)];
+    // The members that are reached so far, of groups where others are not.
+    let mut waiting: BTreeMap<ClusterGroupId, Vec<ClusterId>> = BTreeMap::new();
     while let Some(id) = stack.pop() {
-        let Some(node) = tree.node(id) else { continue };
-        let is_split = cut.is_cluster_split(id) && !node.children.is_empty();
-        if is_split {
-            stack.extend(node.children.clone().rev().map(ClusterId));
+        let Some(node) = clusters.node(id) else {
+            continue;
+        };
+        let group = node.group.and_then(|id| Some((id, clusters.group(id)?)));
+        let Some((group_id, group)) = group else {
+            visit(id, node, false);
+            continue;
+        };
+        if group.members.len() > 1 {
+            let reached = waiting.entry(group_id).or_default();
+            reached.push(id);
+            if reached.len() < group.members.len() {
+                continue;
+            }
+            waiting.remove(&group_id);
         }
-        visit(id, node, is_split);
+        let is_split = splits(group);
+        for &member in &group.members {
+            if let Some(node) = clusters.node(member) {
+                visit(member, node, is_split);
+            }
+        }
+        if is_split {
+            stack.extend(group.children.clone().rev().map(ClusterId));
+        }
     }
+    for id in waiting.into_values().flatten() {
+        if let Some(node) = clusters.node(id) {
+            visit(id, node, false);
+        }
+    }
+}
+
+/// The nodes that `cut` draws.
+fn walk(document: &Document, cut: &Cut, mut visit: impl FnMut(ClusterId, &ClusterNode)) {
+    descend(
+        document,
+        |group| cut.is_group_split(group),
+        |id, node, is_split| {
+            if !is_split {
+                visit(id, node);
+            }
+        },
+    );
 }
 
 /// The nodes that `cut` draws.
 pub fn drawn(document: &Document, cut: &Cut) -> Vec<ClusterId> {
     let mut drawn = Vec::new();
-    walk(document, cut, |id, _, is_split| {
-        if !is_split {
-            drawn.push(id);
-        }
-    });
+    walk(document, cut, |id, _| drawn.push(id));
     drawn
 }
 
-/// The pages that `cut` needs beyond the root, parents before children.
+/// The pages that `cut` needs beyond the root, each once, all members of a group before its children.
 pub fn needed(document: &Document, cut: &Cut) -> Vec<NeededCluster> {
     let mut needed = Vec::new();
-    walk(document, cut, |id, node, is_split| {
-        if is_split {
-            let parent = document.page_of_cluster(id);
-            let pages = node.children.clone().map(ClusterId);
-            needed.extend(
-                pages
-                    .filter_map(|child| document.page_of_cluster(child))
-                    .map(|page| NeededCluster {
-                        page,
-                        parent,
-                        above: id,
-                    }),
-            );
-        }
-    });
+    let splits = |group: &ClusterGroup| {
+        let Some(&above) = group.members.first().filter(|_| cut.is_group_split(group)) else {
+            return false;
+        };
+        let parent = document.page_of_cluster(above);
+        let children = group.children.clone().map(ClusterId);
+        needed.extend(
+            children
+                .filter_map(|child| document.page_of_cluster(child))
+                .map(|page| NeededCluster {
+                    page,
+                    parent,
+                    above,
+                }),
+        );
+        true
+    };
+    descend(document, splits, |_, _, _| ());
     needed
 }
 
-/// Splits, from the root down, every node that is `too_coarse`.
+/// Splits, from the root down, every group that may be split and has a member that is `too_coarse`.
 pub fn refine(
     document: &Document,
     cut: &mut Cut,
     mut too_coarse: impl FnMut(ClusterId, &ClusterNode) -> bool,
 ) {
-    let Some(tree) = &document.clusters else {
-        return;
-    };
-    let mut stack = vec![ClusterId(0)];
-    while let Some(id) = stack.pop() {
-        let Some(node) = tree.node(id) else { continue };
-        if !node.children.is_empty() && too_coarse(id, node) {
-            cut.split_cluster(id);
-            stack.extend(node.children.clone().map(ClusterId));
-        }
-    }
+    refine_groups(document, cut, |group| {
+        let mut members = group.members.iter();
+        members.any(|&id| {
+            let node = document.clusters.as_ref().and_then(|all| all.node(id));
+            node.is_some_and(|node| too_coarse(id, node))
+        })
+    });
 }
 
-/// Undoes every split whose children are not all resident, and what is below it (rule R7).
+/// Splits, from the root down, every group that may be split and of which `splits` is true.
+fn refine_groups(
+    document: &Document,
+    cut: &mut Cut,
+    mut splits: impl FnMut(&ClusterGroup) -> bool,
+) {
+    let split = |group: &ClusterGroup| {
+        let is_split = splits(group);
+        if is_split {
+            cut.split_group(group);
+        }
+        is_split
+    };
+    descend(document, split, |_, _, _| ());
+}
+
+/// Undoes every split of a group whose children are not all resident, and what is below it (rule R7).
 pub fn restrict(document: &Document, cut: &mut Cut, mut resident: impl FnMut(PageId) -> bool) {
     let wanted = cut.clone();
     cut.collapse_clusters();
-    refine(document, cut, |id, node| {
-        wanted.is_cluster_split(id)
-            && node.children.clone().all(|child| {
+    refine_groups(document, cut, |group| {
+        wanted.is_group_split(group)
+            && group.children.clone().all(|child| {
                 document
                     .page_of_cluster(ClusterId(child))
                     .is_some_and(&mut resident)
@@ -104,21 +170,15 @@ pub fn restrict(document: &Document, cut: &mut Cut, mut resident: impl FnMut(Pag
 /// Triangles of the nodes that `cut` draws.
 pub fn triangles(document: &Document, cut: &Cut) -> u64 {
     let mut sum = 0;
-    walk(document, cut, |_, node, is_split| {
-        if !is_split {
-            sum += u64::from(node.triangles);
-        }
-    });
+    walk(document, cut, |_, node| sum += u64::from(node.triangles));
     sum
 }
 
 /// Largest geometric error of the nodes that `cut` draws, lattice units.
 pub fn error(document: &Document, cut: &Cut) -> f64 {
     let mut largest = 0.0f64;
-    walk(document, cut, |_, node, is_split| {
-        if !is_split {
-            largest = largest.max(f64::from(node.error));
-        }
+    walk(document, cut, |_, node| {
+        largest = largest.max(f64::from(node.error));
     });
     largest
 }
@@ -163,75 +223,4 @@ pub fn append(
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::testing::{Random, clustered};
-    use std::collections::BTreeSet;
-
-    #[test]
-    fn restricted_cuts_cover_every_leaf_once() {
-        let (document, _) = clustered(300).unwrap();
-        let tree = document.clusters.as_ref().unwrap();
-        let mut random = Random::new(21);
-        for _ in 0..40 {
-            let mut cut = Cut::coarsest(document.charts.len());
-            refine(&document, &mut cut, |_, _| random.below(4) > 0);
-            let pages: Vec<PageId> = needed(&document, &cut).iter().map(|n| n.page).collect();
-            let there: BTreeSet<PageId> = pages
-                .iter()
-                .copied()
-                .filter(|_| random.below(8) > 0)
-                .collect();
-            let wanted = cut.clone();
-            restrict(&document, &mut cut, |page| there.contains(&page));
-            let mut covered = vec![0; tree.nodes.len()];
-            for id in drawn(&document, &cut) {
-                assert!(
-                    document
-                        .page_of_cluster(id)
-                        .is_none_or(|page| there.contains(&page))
-                );
-                let mut below = vec![id.0];
-                while let Some(node) = below.pop() {
-                    let children = tree.nodes[node as usize].children.clone();
-                    covered[node as usize] += i32::from(children.is_empty());
-                    below.extend(children);
-                }
-            }
-            for (node, covered) in tree.nodes.iter().zip(covered) {
-                assert_eq!(covered, i32::from(node.children.is_empty()));
-            }
-            assert!(triangles(&document, &cut) <= triangles(&document, &wanted));
-            let everywhere = |_| true;
-            let mut again = wanted.clone();
-            restrict(&document, &mut again, everywhere);
-            assert_eq!(again, wanted);
-        }
-    }
-
-    #[test]
-    fn parents_come_before_children() {
-        let (document, _) = clustered(300).unwrap();
-        let mut cut = Cut::coarsest(document.charts.len());
-        refine(&document, &mut cut, |_, _| true);
-        let mut seen = BTreeSet::new();
-        for needed in needed(&document, &cut) {
-            assert!(needed.parent.is_none_or(|parent| seen.contains(&parent)));
-            seen.insert(needed.page);
-        }
-        let below_root = document.clusters.as_ref().unwrap().nodes.len() - 1;
-        assert_eq!(seen.len(), below_root);
-    }
-
-    #[test]
-    fn finest_mesh_holds_the_triangles_of_all_leaves() {
-        let (document, source) = clustered(70).unwrap();
-        let mut cut = Cut::coarsest(document.charts.len());
-        refine(&document, &mut cut, |_, _| true);
-        let mut builder = MeshBuilder::new(false);
-        append(&document, &source, &cut, &mut builder).unwrap();
-        let leaves = document.clusters.as_ref().unwrap().leaf_triangles();
-        assert_eq!(builder.finish().triangles.len() as u64, leaves);
-        assert_eq!(leaves, 4 * 70);
-    }
-}
+mod tests;

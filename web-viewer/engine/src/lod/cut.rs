@@ -4,7 +4,7 @@
 //! A chart that draws its root has one leaf; so every chart is always covered, whatever is in the cut.
 
 use marquetry_format::quadtree::PAGE_RESOLUTION;
-use marquetry_format::{Chart, ChartId, ClusterId, NodeId, Quadrant, Side};
+use marquetry_format::{Chart, ChartId, ClusterGroup, ClusterId, NodeId, Quadrant, Side};
 use std::collections::BTreeSet;
 
 /// The four sides of a node.
@@ -62,7 +62,8 @@ struct ChartCut {
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Cut {
     charts: Vec<ChartCut>,
-    /// Clusters whose children are drawn in their place; see [`cluster`](super::cluster).
+    /// Clusters in whose place the children of their group are drawn: of a group all members or none. See
+    /// [`cluster`](super::cluster).
     split_clusters: BTreeSet<ClusterId>,
 }
 
@@ -75,14 +76,20 @@ impl Cut {
         }
     }
 
-    /// Whether the children of a cluster (or their descendants) are drawn in its place.
+    /// Whether the children of a cluster's group (or what is below them) are drawn in place of the group.
     pub fn is_cluster_split(&self, id: ClusterId) -> bool {
         self.split_clusters.contains(&id)
     }
 
-    /// Draws the children of a cluster in its place.
-    pub fn split_cluster(&mut self, id: ClusterId) {
-        self.split_clusters.insert(id);
+    /// Whether the children of a group of clusters (or what is below them) are drawn in its place.
+    pub fn is_group_split(&self, group: &ClusterGroup) -> bool {
+        let first = group.members.first();
+        first.is_some_and(|first| self.is_cluster_split(*first))
+    }
+
+    /// Draws the children of a group of clusters in place of all its members, where all of these are reached.
+    pub fn split_group(&mut self, group: &ClusterGroup) {
+        self.split_clusters.extend(&group.members);
     }
 
     /// Draws the root of the clusters.

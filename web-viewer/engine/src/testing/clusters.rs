@@ -87,22 +87,22 @@ pub fn clustered_with(count: u32, frame: Option<&[u8]>) -> Result<(Document, Vec
         }
         level = level.end..nodes.len();
     }
-    let last = u32::try_from(nodes.len() - 1).unwrap_or(u32::MAX);
-    let clusters: Vec<ClusterInput> = nodes
-        .into_iter()
-        .rev()
-        .map(|(mut node, _)| {
-            for child in &mut node.children {
-                *child = last - *child;
-            }
-            node
-        })
-        .collect();
-    written(&clusters)
+    let nodes = nodes.into_iter().map(|(node, _)| node).collect();
+    written(&root_first(nodes))
+}
+
+/// Nodes the other way round, the last first.
+pub(super) fn root_first(mut nodes: Vec<ClusterInput>) -> Vec<ClusterInput> {
+    let last = u32::try_from(nodes.len().saturating_sub(1)).unwrap_or(u32::MAX);
+    nodes.reverse();
+    for child in nodes.iter_mut().flat_map(|node| &mut node.children) {
+        *child = last - *child;
+    }
+    nodes
 }
 
 /// A torus with these clusters beside it.
-fn written(clusters: &[ClusterInput]) -> Result<(Document, Vec<u8>), Error> {
+pub(super) fn written(clusters: &[ClusterInput]) -> Result<(Document, Vec<u8>), Error> {
     let metadata = metadata();
     let finest = Cut::coarsest(Shape::Torus.charts(2).len());
     let charts = Shape::Torus.inputs(&finest);

@@ -1,5 +1,7 @@
 //! Whole viewing sessions against a made-up network: late, out of order, corrupt, never.
 
+mod groups;
+
 use super::*;
 use crate::colour::map::NO_TILES;
 use crate::lod::balance;

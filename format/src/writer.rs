@@ -79,7 +79,7 @@ pub struct ClusterInput {
 pub struct Content<'a> {
     /// The atlas.
     pub charts: &'a [ChartInput],
-    /// The clusters: none, or the root and then the others in any order, which says nothing but how equals are numbered.
+    /// The clusters: none, or the root and then the others in any order; the file does not depend on it.
     pub clusters: &'a [ClusterInput],
     /// Colour tiles, one entry a chart.
     pub colour: Option<&'a ColourInput>,

@@ -123,10 +123,11 @@ fn manifolds(c: &mut Criterion) {
             BatchSize::LargeInput,
         );
     });
+    let goal = decimate::Goal::for_charts(1e-4, mesh.triangles.len() / 8);
     group.bench_function("decimate", |b| {
         b.iter_batched(
             || welded.clone(),
-            |mut welded| decimate::decimate(&mut welded, 1e-4, mesh.triangles.len() / 8),
+            |mut welded| decimate::decimate(&mut welded, goal),
             BatchSize::LargeInput,
         );
     });

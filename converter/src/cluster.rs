@@ -5,23 +5,27 @@
 //! packs them along a Hilbert curve into leaves, [`tree`] builds coarser clusters over these, made by [`simplify`], and
 //! [`bound`] says how far each is from what it stands for.
 //!
-//! Every component lies in one leaf as a whole, or below a node of its own (`patchwork`), so that no cut through the tree can
-//! open a crack in it. Also larger components come here where charts would need many more samples than they
+//! Every component lies in one leaf as a whole, or below a node of its own (`group`), so that no cut can open a crack in it. Also larger components come here where charts would need many more samples than they
 //! have triangles, as CAD models do ([`select::Selection::take_all`]), or are torn to shreds, as photogrammetry can be.
 
 pub mod bound;
+mod graph;
+mod group;
 pub mod leaf;
-mod patchwork;
 pub mod refine;
 pub mod select;
 pub mod shape;
 pub mod simplify;
 pub mod tree;
+mod trim;
+
+pub use trim::Budget;
 
 use crate::mesh::ManifoldMesh;
 use glam::DVec3;
-use marquetry_format::ClusterMesh;
+use graph::Graph;
 use marquetry_format::Lattice;
+use marquetry_format::writer::ClusterInput;
 
 /// What a node has room for beside its triangles and vertices.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -45,75 +49,65 @@ impl Room {
     }
 }
 
-/// One node of the tree of clusters.
-#[derive(Debug, Clone, Default)]
-pub struct ClusterInput {
-    /// Its triangles.
-    pub mesh: ClusterMesh,
-    /// Bound of the distance to the source, lattice units; never above the parent's.
-    pub error: f32,
-    /// Length of a texel of its texture, lattice units.
-    pub texel: Option<f32>,
-    /// None, or 2 to 65 535.
-    pub children: Vec<ClusterInput>,
-}
-
-impl ClusterInput {
-    /// The nodes of the tree, level by level, as the format's writer takes them.
-    pub fn into_levels(self) -> Vec<marquetry_format::writer::ClusterInput> {
-        let mut waiting = std::collections::VecDeque::from([self]);
-        let (mut nodes, mut next) = (Vec::new(), 1);
-        while let Some(node) = waiting.pop_front() {
-            let end = next + u32::try_from(node.children.len()).unwrap_or(u32::MAX);
-            nodes.push(marquetry_format::writer::ClusterInput {
-                mesh: node.mesh,
-                error: node.error,
-                texel: node.texel,
-                children: (next..end).collect(),
-            });
-            waiting.extend(node.children);
-            next = end;
-        }
-        nodes
-    }
-}
-
-/// A tree of clusters, and what is in it.
+/// A graph of clusters, and what is in it.
 #[derive(Debug)]
 pub struct Layer {
-    /// The root.
-    pub root: ClusterInput,
+    /// The root, and everything below it: children after what they replace.
+    pub nodes: Vec<ClusterInput>,
     /// Guaranteed bound of the distance, both ways, of all leaves to their components; a length.
     pub max_error: f64,
     /// What is in it.
     pub summary: Summary,
+    /// All that was built, with its area.
+    graph: Graph,
+    area: f64,
+    step: f64,
 }
 
-/// What is in a tree of clusters.
+/// What is in a graph of clusters.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, serde::Serialize)]
 pub struct Summary {
     /// Components of the source.
     pub components: usize,
     /// Their triangles, halves of those that have too many texels for one.
     pub triangles: usize,
-    /// Nodes of the tree.
+    /// Nodes of the graph.
     pub nodes: usize,
-    /// Leaves of the tree.
+    /// Leaves of the graph.
     pub leaves: usize,
 }
 
 impl Layer {
     /// Counts what the mesh that the clusters were made of is from the source, a length, as error of every node.
-    pub fn add_error(&mut self, distance: f64, lattice: &Lattice) {
-        if distance <= 0.0 {
-            return;
+    pub fn add_error(&mut self, distance: f64) {
+        if distance > 0.0 {
+            self.graph.add_error(distance / self.step);
+            self.show(self.graph.nodes(&vec![false; self.graph.len()]));
         }
-        self.max_error += distance;
-        let mut stack = vec![&mut self.root];
-        while let Some(node) = stack.pop() {
-            node.error = leaf::upwards(f64::from(node.error) + distance / lattice.step);
-            stack.extend(&mut node.children);
-        }
+    }
+
+    /// Leaves out what is finer than an RMS error of the leaves asks for, a length, with no distance above `most`, a length. Not for
+    /// clusters that have colours or images, which ask for more.
+    pub fn trim(&mut self, rms: f64, most: f64) {
+        let budget = Budget {
+            squares: (rms / self.step).powi(2) * self.area,
+            distance: most / self.step,
+        };
+        self.show(trim::trimmed(&self.graph, budget));
+    }
+
+    /// Whether something was left out.
+    pub fn is_trimmed(&self) -> bool {
+        self.nodes.len() < self.graph.len()
+    }
+
+    fn show(&mut self, nodes: Vec<ClusterInput>) {
+        let leaves = || nodes.iter().filter(|node| node.children.is_empty());
+        let max_error = leaves().map(|leaf| leaf.error).fold(0.0, f32::max);
+        self.max_error = f64::from(max_error) * self.step;
+        self.summary.nodes = nodes.len();
+        self.summary.leaves = leaves().count();
+        self.nodes = nodes;
     }
 }
 
@@ -140,44 +134,32 @@ pub fn build(
         room,
         colours,
     };
-    let nodes = leaf::nodes(&source, components);
-    let mut summary = Summary {
-        components: components.len(),
-        triangles: components.iter().map(Vec::len).sum(),
-        nodes: 0,
-        leaves: 0,
+    let (mut graph, roots) = leaf::nodes(&source, components);
+    tree::tree(&mut graph, roots, colours, room);
+    let mut layer = Layer {
+        nodes: Vec::new(),
+        max_error: 0.0,
+        summary: Summary {
+            components: components.len(),
+            triangles: components.iter().map(Vec::len).sum(),
+            ..Summary::default()
+        },
+        area: graph.area(),
+        graph,
+        step: lattice.step,
     };
-    let root = tree::tree(nodes, room);
-    let mut max_error = 0.0f64;
-    let mut stack = vec![&root];
-    while let Some(node) = stack.pop() {
-        summary.nodes += 1;
-        if node.children.is_empty() {
-            summary.leaves += 1;
-            max_error = max_error.max(f64::from(node.error));
-        }
-        stack.extend(&node.children);
-    }
-    Layer {
-        root,
-        max_error: max_error * lattice.step,
-        summary,
-    }
+    layer.show(layer.graph.nodes(&vec![false; layer.graph.len()]));
+    layer
 }
 
-/// Appends the triangles of all leaves below `root`, in world units.
+/// Appends the triangles of all leaves among `nodes`, in world units.
 pub fn append_finest(
-    root: &ClusterInput,
+    nodes: &[ClusterInput],
     lattice: &Lattice,
     positions: &mut Vec<DVec3>,
     triangles: &mut Vec<[u32; 3]>,
 ) {
-    let mut stack = vec![root];
-    while let Some(node) = stack.pop() {
-        if !node.children.is_empty() {
-            stack.extend(&node.children);
-            continue;
-        }
+    for node in nodes.iter().filter(|node| node.children.is_empty()) {
         let first = u32::try_from(positions.len()).unwrap_or(u32::MAX);
         let world = |&p: &_| lattice.world_from_lattice(p);
         positions.extend(node.mesh.positions.iter().map(world));

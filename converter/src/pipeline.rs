@@ -6,12 +6,13 @@ mod stages;
 
 pub use error::ConvertError;
 
+use crate::atlas::survey::MAX_OVER_TARGET;
 use crate::atlas::{build, quantize};
 use crate::cluster::{self, Room, select::Selection};
 use crate::import::{self, ImportReport};
 use crate::memory;
 use crate::mesh::account::Account;
-use crate::mesh::decimate::{self, Decimated};
+use crate::mesh::decimate::{self, Decimated, Goal};
 use crate::mesh::{self, ImportedMesh, ManifoldMesh};
 use crate::output::PendingFile;
 use crate::process;
@@ -122,6 +123,11 @@ pub fn convert(
     })
 }
 
+/// Part of the target that clusters are made for.
+const TRIM_AIM: f64 = 0.95;
+/// At least so much closer clusters are made that turn out too coarse.
+const TRIM_STEP: f64 = 0.9;
+
 /// Samples of the measurement of the written file, each way, beside all vertices.
 const MEASURED_SAMPLES: u64 = 100_000;
 
@@ -159,6 +165,21 @@ impl Frame {
     }
 }
 
+impl Frame {
+    /// RMS error that leaves of clusters may have, a length, where `aim` is the part of the target that they are to keep: rounding to the
+    /// lattice takes some of it.
+    fn trimmed_rms(&self, aim: f64) -> f64 {
+        let unit = self.lattice.step * f64::from(1u32 << self.lattice.shift);
+        let rounding = unit.powi(2) / 12.0;
+        ((aim * self.target).powi(2) - rounding).max(0.0).sqrt()
+    }
+
+    /// Bound of the distance that leaves of clusters may have, a length.
+    fn most_distance(&self) -> f64 {
+        MAX_OVER_TARGET * self.target + self.decimated.bound
+    }
+}
+
 /// An import, ready to be converted.
 struct Prepared {
     mesh: ManifoldMesh,
@@ -166,6 +187,8 @@ struct Prepared {
     frame: Frame,
     /// Some of the vertices that decimation took away.
     gone: Vec<DVec3>,
+    /// Whether there is no use in trying charts.
+    is_torn: bool,
 }
 
 struct Conversion<'a> {
@@ -209,8 +232,12 @@ impl Conversion<'_> {
             account,
             frame,
             gone,
+            is_torn,
         } = self.prepare(imported, &textures)?;
         let mut selection = cluster::select::select(mesh);
+        if is_torn && selection.can_take_all() {
+            selection.take_all(usize::MAX);
+        }
         let most_samples = if selection.can_take_all() {
             (selection.rest.triangles.len() as u64)
                 .saturating_mul(self.options.samples_per_triangle)
@@ -235,7 +262,7 @@ impl Conversion<'_> {
             mut small,
             mut components,
         } = selection;
-        let clusters = if components.is_empty() {
+        let mut clusters = if components.is_empty() {
             None
         } else {
             Some(self.clusters(&mut small, &mut components, &textures, &frame)?)
@@ -249,7 +276,7 @@ impl Conversion<'_> {
             positions: &positions,
             triangles: &triangles,
         };
-        let error = self.judge(source, &gone, &atlas, clusters.as_ref(), &frame)?;
+        let error = self.measured(source, &gone, &atlas, clusters.as_mut(), &frame)?;
         drop((positions, triangles));
 
         self.begin("write")?;
@@ -322,12 +349,16 @@ impl Conversion<'_> {
             frame.has_colours,
             &texels,
         );
-        layer.add_error(frame.decimated.bound, &frame.lattice);
+        layer.add_error(frame.decimated.bound);
+        // Colours and images may change where the surface does not.
+        if !frame.has_colours && !textures.has_images() {
+            layer.trim(frame.trimmed_rms(TRIM_AIM), frame.most_distance());
+        }
         if textures.has_images() {
             self.begin("cluster-textures")?;
             let progress = self.stages.progress;
             textures
-                .paint(&mut layer.root, &frame.lattice, &|done| {
+                .paint(&mut layer.nodes, &frame.lattice, &|done| {
                     progress.fraction(done);
                 })
                 .map_err(|source| self.texture_error(source))?;
@@ -344,13 +375,21 @@ impl Conversion<'_> {
         let has_colours = !imported.colours.is_empty();
         self.begin("weld")?;
         let (mut welded, mut account) = mesh::weld(imported).map_err(|e| e.in_file(self.input))?;
-        let mut gone = Vec::new();
+        let (mut gone, mut is_torn) = (Vec::new(), false);
         let most = self.options.decimate_above;
-        if welded.triangles.len() > most && !textures.has_images() {
-            self.begin("decimate")?;
+        if !has_colours && !textures.has_images() {
             let (min, max) = bounds(&welded.positions);
             let target = self.options.error_rel * (max - min).length();
-            (account.decimated, gone) = decimate::decimate(&mut welded, target, most / 2);
+            is_torn = decimate::is_torn(&welded);
+            let goal = if is_torn {
+                Some(Goal::for_clusters(target))
+            } else {
+                (welded.triangles.len() > most).then(|| Goal::for_charts(target, most / 2))
+            };
+            if let Some(goal) = goal {
+                self.begin("decimate")?;
+                (account.decimated, gone) = decimate::decimate(&mut welded, goal);
+            }
         }
         self.begin("manifold")?;
         let mesh = mesh::orient(welded, &mut account);
@@ -365,6 +404,7 @@ impl Conversion<'_> {
             account,
             frame,
             gone,
+            is_torn,
         })
     }
 
@@ -426,9 +466,34 @@ impl Conversion<'_> {
         }
     }
 
-    /// Measures the surface that will be written, and refuses it above the target. Vertices of the source that are `gone` from
-    /// the mesh to measure against are measured by themselves.
-    fn judge(
+    /// Measures the surface that will be written, with more in its clusters where too much was left out, and refuses it above the target.
+    fn measured(
+        &self,
+        source: distance::Mesh<'_>,
+        gone: &[DVec3],
+        atlas: &build::Atlas,
+        mut clusters: Option<&mut cluster::Layer>,
+        frame: &Frame,
+    ) -> Result<ErrorReport, ConvertError> {
+        let mut aim = TRIM_AIM;
+        loop {
+            let error = self.measure(source, gone, atlas, clusters.as_deref(), frame)?;
+            match clusters.as_deref_mut() {
+                Some(layer) if error.rms_rel > error.target_rel && layer.is_trimmed() => {
+                    aim *= (error.target_rel / error.rms_rel).min(TRIM_STEP);
+                    layer.trim(frame.trimmed_rms(aim), frame.most_distance());
+                }
+                _ => {
+                    self.judge(&error)?;
+                    return Ok(error);
+                }
+            }
+        }
+    }
+
+    /// Measures the surface that will be written. Vertices of the source that are `gone` from the mesh to measure against are measured
+    /// by themselves.
+    fn measure(
         &self,
         source: distance::Mesh<'_>,
         gone: &[DVec3],
@@ -440,7 +505,7 @@ impl Conversion<'_> {
             quantize::finest_surface(&atlas.charts, &frame.lattice);
         let mut bound = atlas.max_error;
         if let Some(layer) = clusters {
-            cluster::append_finest(&layer.root, &frame.lattice, &mut positions, &mut triangles);
+            cluster::append_finest(&layer.nodes, &frame.lattice, &mut positions, &mut triangles);
             bound = bound.max(layer.max_error);
         }
         let surface = distance::Mesh {
@@ -461,13 +526,17 @@ impl Conversion<'_> {
                 0.0
             }
         };
-        let error = ErrorReport {
+        Ok(ErrorReport {
             target_rel: self.options.error_rel,
             // The bound holds for real numbers; rounding must not let it fall below what was seen.
             max_rel: relative(hausdorff.max(bound)),
             rms_rel: relative(measured.rms().max(of_gone.rms)),
             hausdorff_rel: relative(hausdorff),
-        };
+        })
+    }
+
+    /// Refuses an error above the target.
+    fn judge(&self, error: &ErrorReport) -> Result<(), ConvertError> {
         if error.rms_rel > error.target_rel && !self.options.allow_worse {
             return Err(ConvertError::AboveTarget {
                 path: self.input.to_owned(),
@@ -475,7 +544,7 @@ impl Conversion<'_> {
                 target: error.target_rel,
             });
         }
-        Ok(error)
+        Ok(())
     }
 
     /// Begins a stage, if the last one left memory for it.
@@ -517,10 +586,9 @@ impl Conversion<'_> {
         };
         let bytes = {
             let mut out = std::io::BufWriter::new(file.as_file_mut());
-            let clusters = clusters.map(|layer| layer.root.clone().into_levels());
             let content = writer::Content {
                 charts: &atlas.charts,
-                clusters: clusters.as_deref().unwrap_or_default(),
+                clusters: clusters.map_or(&[], |layer| &layer.nodes),
                 colour,
             };
             let bytes = writer::write(metadata, &metadata.lattice, &content, &mut out)
@@ -538,13 +606,10 @@ impl Conversion<'_> {
             textures.tiles = index.tile_count();
             textures.bytes = index.bytes();
         }
-        let mut nodes: Vec<_> = clusters.iter().map(|layer| &layer.root).collect();
-        while let Some(node) = nodes.pop() {
-            if let Some(texture) = &node.mesh.texture {
-                textures.clusters += 1;
-                textures.cluster_bytes += texture.frame.len() as u64;
-            }
-            nodes.extend(&node.children);
+        let nodes = clusters.iter().flat_map(|layer| &layer.nodes);
+        for texture in nodes.filter_map(|node| node.mesh.texture.as_ref()) {
+            textures.clusters += 1;
+            textures.cluster_bytes += texture.frame.len() as u64;
         }
         let levels = atlas
             .charts

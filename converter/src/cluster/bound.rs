@@ -6,6 +6,7 @@
 //! Limit: only triangles that are nearest to a corner or to the centre are tried, and after `DEPTH` halvings the bound stays
 //! as loose as it is. It is a bound all the same.
 
+use super::graph::Distance;
 use glam::DVec3;
 use marquetry_evaluation::distance::{Bvh, closest_point};
 
@@ -171,12 +172,24 @@ pub fn hausdorff(
     second: (&[DVec3], &[[u32; 3]]),
     most: f64,
 ) -> f64 {
+    distance(first, second, most).bound
+}
+
+/// The same, and the integral of the squared distance to the first over the second, from what is seen at its vertices.
+pub(super) fn distance(
+    first: (&[DVec3], &[[u32; 3]]),
+    second: (&[DVec3], &[[u32; 3]]),
+    most: f64,
+) -> Distance {
     let targets = (
         Target::new(first.0, first.1),
         Target::new(second.0, second.1),
     );
     let (Some(to_first), Some(to_second)) = targets else {
-        return f64::INFINITY;
+        return Distance {
+            bound: f64::INFINITY,
+            squares: f64::INFINITY,
+        };
     };
     let (forward, backward) = (
         to_second.nearest_of(first.0, first.1),
@@ -188,15 +201,31 @@ pub fn hausdorff(
         .chain(&backward)
         .flatten()
         .fold(0.0, |seen: f64, nearest| seen.max(nearest.distance));
+    let squares = squares(second, &backward);
+    let found = |bound| Distance { bound, squares };
     if seen > most {
-        return seen;
+        return found(seen);
     }
     let enough = LOOSENESS * seen;
     let bound = to_second.distance_of(&forward, first.1, enough, most);
     if bound > most {
-        return bound;
+        return found(bound);
     }
-    bound
-        .max(to_first.distance_of(&backward, second.1, enough, most))
-        .max(seen)
+    let back = to_first.distance_of(&backward, second.1, enough, most);
+    found(bound.max(back).max(seen))
+}
+
+/// Integral of the squared distance over a mesh, from that of its vertices.
+fn squares(mesh: (&[DVec3], &[[u32; 3]]), vertices: &[Option<Nearest>]) -> f64 {
+    let of = |t: &[u32; 3]| {
+        let [a, b, c] = t.map(|v| mesh.0[v as usize]);
+        let area = (b - a).cross(c - a).length() / 2.0;
+        let distance = t.map(|v| vertices[v as usize].map_or(0.0, |nearest| nearest.distance));
+        area * distance
+            .map(|distance| distance.powi(2))
+            .iter()
+            .sum::<f64>()
+            / 3.0
+    };
+    mesh.1.iter().map(of).sum()
 }

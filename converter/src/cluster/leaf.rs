@@ -1,19 +1,19 @@
 //! Components on the lattice, packed into leaves.
 //!
 //! A component's triangles stay as they are, with their corners rounded to the lattice; those that lose their extent are
-//! left out, and what that moves is in the leaf's error. Normals are those of the mesh, but for vertices whose faces turn
-//! more than `CREASE` away from them: there each face sees only those of about its own direction, so that a cube is not lit
-//! like a ball.
+//! left out, and what that moves is in the leaf's error. Normals are those of the mesh, but for creases: vertices whose faces turn
+//! more than `CREASE` away from them, into up to three directions that each are clear. There each face sees only those of about its own direction,
+//! so that a cube is not lit like a ball. Where directions are not clear the surface is rough.
 //! Components follow each other along a Hilbert curve, and fill one leaf after the other. One that does not fit a leaf is halved
-//! until its parts do, which `patchwork` puts together again.
+//! until its parts do, which `group` puts together again.
 
 use super::Room;
 use super::bound::{Target, hausdorff};
-use super::patchwork::{self, Halves};
+use super::graph::Graph;
+use super::group;
 use super::shape::{Shape, Vertex, point};
 use crate::atlas::chart_graph::hilbert_key;
 use crate::atlas::quantize::lattice_from_world;
-use crate::cluster::ClusterInput;
 use crate::mesh::ManifoldMesh;
 use glam::DVec3;
 use marquetry_format::cluster::{
@@ -25,6 +25,10 @@ use rayon::prelude::*;
 
 /// Cosine of the angle (40°) up to which faces share a normal.
 const CREASE: f64 = 0.766;
+/// Cosine of the angle (20°) up to which faces have one direction.
+const CLEAR: f64 = 0.94;
+/// Directions of faces at a vertex on a crease, at most: those of a corner.
+const DIRECTIONS: usize = 3;
 
 /// Most triangles of a component: even if no two nodes become one, there are as few as a node has children.
 pub const MOST_TRIANGLES: usize = MAX_CLUSTER_CHILDREN * MAX_CLUSTER_TRIANGLES / 2;
@@ -57,11 +61,13 @@ pub struct Source<'a> {
 enum Placed {
     /// It fits a leaf.
     Piece(Piece),
-    Node(ClusterInput),
+    /// It does not; the last node stands for it.
+    Graph(Graph),
 }
 
-/// Nodes that hold `components` of at most [`MOST_TRIANGLES`], in the order of a space-filling curve.
-pub fn nodes(source: &Source<'_>, components: &[Vec<u32>]) -> Vec<ClusterInput> {
+/// Adds nodes that hold `components` of at most [`MOST_TRIANGLES`] to an empty graph; those that stand for them, in the order of a
+/// space-filling curve.
+pub(super) fn nodes(source: &Source<'_>, components: &[Vec<u32>]) -> (Graph, Vec<u32>) {
     let Source { room, colours, .. } = *source;
     let mut found: Vec<(u64, Placed)> = components
         .par_iter()
@@ -71,13 +77,13 @@ pub fn nodes(source: &Source<'_>, components: &[Vec<u32>]) -> Vec<ClusterInput> 
         })
         .collect();
     found.sort_by_key(|&(key, _)| key);
-    let mut nodes = Vec::new();
+    let (mut graph, mut roots) = (Graph::default(), Vec::new());
     let (mut shape, mut error, mut texels) = (Shape::default(), 0.0f64, 0.0f32);
     for (_, placed) in found {
         let piece = match placed {
             Placed::Piece(piece) => piece,
-            Placed::Node(node) => {
-                nodes.push(node);
+            Placed::Graph(component) => {
+                roots.push(graph.append(component));
                 continue;
             }
         };
@@ -88,7 +94,7 @@ pub fn nodes(source: &Source<'_>, components: &[Vec<u32>]) -> Vec<ClusterInput> 
             || texels + piece.texels > room.texels()
             || !fits_together(&shape, &piece.shape, room);
         if is_full && !shape.triangles.is_empty() {
-            nodes.push(leaf(&std::mem::take(&mut shape), error, colours));
+            roots.push(graph.leaf(&std::mem::take(&mut shape), error, colours));
             (error, texels) = (0.0, 0.0);
         }
         texels += piece.texels;
@@ -96,9 +102,9 @@ pub fn nodes(source: &Source<'_>, components: &[Vec<u32>]) -> Vec<ClusterInput> 
         error = error.max(piece.error);
     }
     if !shape.triangles.is_empty() {
-        nodes.push(leaf(&shape, error, colours));
+        roots.push(graph.leaf(&shape, error, colours));
     }
-    nodes
+    (graph, roots)
 }
 
 /// Whether a leaf has room for both; where it is plain their numbers say.
@@ -110,13 +116,54 @@ fn fits_together(shape: &Shape, other: &Shape, room: Room) -> bool {
     }
 }
 
-pub(super) fn leaf(shape: &Shape, error: f64, colours: bool) -> ClusterInput {
-    ClusterInput {
-        mesh: shape.cluster(colours),
-        error: upwards(error),
-        texel: None,
-        children: Vec::new(),
+/// Unit normal of a face; zero where it has no area.
+fn face_normal(mesh: &ManifoldMesh, t: u32) -> DVec3 {
+    let [a, b, c] = mesh.triangles[t as usize].map(|v| mesh.positions[v as usize]);
+    (b - a).cross(c - a).normalize_or_zero()
+}
+
+/// The vertex that `faces`, pairs of it and a face, are around, if it is on a crease.
+fn crease(mesh: &ManifoldMesh, faces: &[[u32; 2]]) -> Option<u32> {
+    let &[v, _] = faces.first()?;
+    let normals = faces.iter().map(|&[_, f]| face_normal(mesh, f));
+    let normals: Vec<DVec3> = normals.filter(|&n| n != DVec3::ZERO).collect();
+    let of_all = mesh.normals[v as usize];
+    if normals.iter().all(|n| n.dot(of_all) >= CREASE) {
+        return None;
     }
+    let is_clear = |own: &DVec3| {
+        let alike = normals.iter().filter(|n| n.dot(*own) >= CREASE);
+        alike.sum::<DVec3>().normalize_or_zero().dot(*own) >= CLEAR
+    };
+    let mut directions: Vec<DVec3> = Vec::new();
+    for &n in &normals {
+        if directions.iter().all(|other| other.dot(n) < CREASE) {
+            directions.push(n);
+        }
+    }
+    (directions.len() <= DIRECTIONS && normals.iter().all(is_clear)).then_some(v)
+}
+
+/// Divides `items`, of which there are at least two, across the longest extent of their centres into two parts, so that as few parts of
+/// at most `most` as can be come of each.
+pub(super) fn divide<T: Copy + Ord>(
+    items: &mut [T],
+    most: usize,
+    centre: impl Fn(&T) -> DVec3,
+) -> (&mut [T], &mut [T]) {
+    let (low, high) = items
+        .iter()
+        .map(&centre)
+        .fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(low, high), p| {
+            (low.min(p), high.max(p))
+        });
+    let axis = (high - low).max_position();
+    let parts = items.len().div_ceil(most).max(2);
+    let first = items.len() * (parts / 2) / parts;
+    items.select_nth_unstable_by(first, |a, b| {
+        centre(a)[axis].total_cmp(&centre(b)[axis]).then(a.cmp(b))
+    });
+    items.split_at_mut(first)
 }
 
 /// The least `f32` that is not below `length`.
@@ -139,6 +186,8 @@ struct Component<'a> {
     faces: Vec<[u32; 2]>,
     /// Number of vertices.
     vertices: usize,
+    /// Vertices on creases, ascending.
+    creases: Vec<u32>,
 }
 
 impl<'a> Component<'a> {
@@ -147,12 +196,14 @@ impl<'a> Component<'a> {
         let corners = |&t: &u32| mesh.triangles[t as usize].map(|v| [v, t]);
         let mut faces: Vec<[u32; 2]> = triangles.iter().flat_map(corners).collect();
         faces.sort_unstable();
+        let around = || faces.chunk_by(|a, b| a[0] == b[0]);
         Self {
             source,
             mesh,
             triangles,
             lattice,
-            vertices: faces.chunk_by(|a, b| a[0] == b[0]).count(),
+            vertices: around().count(),
+            creases: around().filter_map(|faces| crease(mesh, faces)).collect(),
             faces,
         }
     }
@@ -185,12 +236,12 @@ impl<'a> Component<'a> {
                 return Placed::Piece(piece);
             }
         }
-        let halves = self.halves(&mut self.triangles.to_vec());
-        Placed::Node(patchwork::node(halves, colours, room))
+        let pieces = self.pieces(&mut self.triangles.to_vec());
+        Placed::Graph(group::graph(pieces, colours, room))
     }
 
-    /// Halves `triangles` across their longest extent until the parts fit clusters.
-    fn halves(&self, triangles: &mut [u32]) -> Halves {
+    /// Divides `triangles` across their longest extent until the parts fit clusters.
+    fn pieces(&self, triangles: &mut [u32]) -> Vec<Piece> {
         let Source { room, texels, .. } = *self.source;
         // An image has the light of creases in it, and they would double the vertices of rough scans.
         let creased = texels.is_empty();
@@ -200,24 +251,14 @@ impl<'a> Component<'a> {
         if is_whole || is_small {
             let piece = self.piece(triangles, creased);
             if is_whole || piece.shape.fits(room) {
-                return Halves::Piece(piece);
+                return vec![piece];
             }
         }
         let centre = |&t: &u32| self.corners(t).into_iter().sum::<DVec3>() / 3.0;
-        let (low, high) = triangles
-            .iter()
-            .map(centre)
-            .fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(low, high), p| {
-                (low.min(p), high.max(p))
-            });
-        let axis = (high - low).max_position();
-        let half = triangles.len() / 2;
-        triangles.select_nth_unstable_by(half, |a, b| {
-            centre(a)[axis].total_cmp(&centre(b)[axis]).then(a.cmp(b))
-        });
-        let (lower, upper) = triangles.split_at_mut(half);
-        let (lower, upper) = rayon::join(|| self.halves(lower), || self.halves(upper));
-        Halves::Two(Box::new([lower, upper]))
+        let (lower, upper) = divide(triangles, MAX_CLUSTER_TRIANGLES, centre);
+        let (mut pieces, upper) = rayon::join(|| self.pieces(lower), || self.pieces(upper));
+        pieces.extend(upper);
+        pieces
     }
 
     fn piece(&self, triangles: &[u32], creased: bool) -> Piece {
@@ -281,10 +322,10 @@ impl<'a> Component<'a> {
     /// Vertex `v` as face `t` sees it.
     fn vertex(&self, v: u32, t: u32, creased: bool) -> Vertex {
         let mut normal = self.mesh.normals[v as usize];
-        let mut around = self.around(v).map(|f| self.face_normal(f));
-        if creased && around.clone().any(|n| n.dot(normal) < CREASE) {
-            let own = self.face_normal(t);
-            let alike = around.by_ref().filter(|n| n.dot(own) >= CREASE);
+        if creased && self.creases.binary_search(&v).is_ok() {
+            let own = face_normal(self.mesh, t);
+            let around = self.around(v).map(|f| face_normal(self.mesh, f));
+            let alike = around.filter(|n| n.dot(own) >= CREASE);
             normal = alike.sum::<DVec3>().normalize_or(normal);
         }
         let colour = self.mesh.colours.get(v as usize).copied();
@@ -293,12 +334,6 @@ impl<'a> Component<'a> {
             octahedral::encode(normal.as_vec3().to_array()),
             colour.unwrap_or_default(),
         )
-    }
-
-    /// Unit normal of a face; zero where it has no area.
-    fn face_normal(&self, t: u32) -> DVec3 {
-        let [a, b, c] = self.corners(t);
-        (b - a).cross(c - a).normalize_or_zero()
     }
 
     /// How far rounding moves a vertex at most: what lies between vertices moves no farther.

@@ -1,6 +1,7 @@
 //! A small mesh on the lattice, on its way to being a cluster.
 
 use super::Room;
+use super::leaf::divide;
 use crate::texture::cluster::unwrap::is_unwrappable;
 use glam::DVec3;
 use marquetry_format::ClusterMesh;
@@ -71,12 +72,52 @@ impl Shape {
         part
     }
 
+    /// Parts that fit clusters, of about `most` triangles or fewer each.
+    pub fn split(&self, most: usize, room: Room) -> Vec<Self> {
+        let mut triangles: Vec<u32> = (0u32..).take(self.triangles.len()).collect();
+        let mut parts = Vec::new();
+        self.split_into(&mut triangles, most, room, &mut parts);
+        parts
+    }
+
+    fn split_into(&self, triangles: &mut [u32], most: usize, room: Room, parts: &mut Vec<Self>) {
+        if triangles.len() <= MAX_CLUSTER_TRIANGLES || triangles.len() < 2 {
+            // In order, whatever divided them.
+            triangles.sort_unstable();
+            let corners: Vec<[u32; 3]> = triangles
+                .iter()
+                .map(|&t| self.triangles[t as usize])
+                .collect();
+            let part = self.part(&corners);
+            if triangles.len() < 2 || part.fits(room) {
+                parts.push(part);
+                return;
+            }
+        }
+        let centre = |&t: &u32| {
+            let corners = self.triangles[t as usize].map(|v| point(self.vertices[v as usize].0));
+            corners.into_iter().sum::<DVec3>() / 3.0
+        };
+        let (lower, upper) = divide(triangles, most, centre);
+        self.split_into(lower, most, room, parts);
+        self.split_into(upper, most, room, parts);
+    }
+
     /// Whether a cluster has room for it, and it is one.
     pub fn fits(&self, room: Room) -> bool {
         !self.triangles.is_empty()
             && self.triangles.len() <= MAX_CLUSTER_TRIANGLES
             && self.vertices.len() <= MAX_CLUSTER_VERTICES
             && (room == Room::Plain || is_unwrappable(&self.positions(), &self.triangles))
+    }
+
+    /// Area, lattice units.
+    pub fn area(&self) -> f64 {
+        let of = |t: &[u32; 3]| {
+            let [a, b, c] = t.map(|v| point(self.vertices[v as usize].0));
+            (b - a).cross(c - a).length() / 2.0
+        };
+        self.triangles.iter().map(of).sum()
     }
 
     /// As a cluster; only where it [`fits`](Self::fits).

@@ -7,10 +7,11 @@
 //! Vertices keep their positions, so all stay on the lattice. Where some of them are to stay, only the collapse will do.
 
 use super::Room;
-use super::bound::hausdorff;
+use super::bound::{distance, hausdorff};
+use super::graph::Distance;
 use super::shape::Shape;
 use marquetry_format::LatticePoint;
-use marquetry_format::cluster::{MAX_CLUSTER_TRIANGLES, MAX_CLUSTER_VERTICES};
+use marquetry_format::cluster::MAX_CLUSTER_TRIANGLES;
 use meshopt::{
     SimplifyOptions, VertexDataAdapter, simplify, simplify_sloppy, simplify_with_locks,
     typed_to_bytes,
@@ -48,38 +49,29 @@ pub fn simplified(shape: &Shape, room: Room) -> (Shape, f64) {
     best.unwrap_or_else(|| (largest(shape, 1), f64::INFINITY))
 }
 
-/// A mesh that fits a cluster in place of `shape`, with every vertex whose place `is_held`, and the bound of the distance between them, lattice units;
-/// `None` where there is none.
-pub fn simplified_within(
+/// A mesh of about `target` triangles in place of `shape`, with every vertex whose place `is_held`, and the distance between them; `None`
+/// where nothing is left.
+pub(super) fn simplified_within(
     shape: &Shape,
     is_held: impl Fn(&LatticePoint) -> bool,
-    room: Room,
-) -> Option<(Shape, f64)> {
-    if shape.fits(room) {
-        return Some((shape.clone(), 0.0));
-    }
+    target: usize,
+) -> Option<(Shape, Distance)> {
     let held: Vec<bool> = shape.vertices.iter().map(|v| is_held(&v.0)).collect();
-    // Many triangles have to be left for an edge that is held.
-    if held.iter().filter(|&&held| held).count() > MAX_CLUSTER_VERTICES {
+    let options = SimplifyOptions::Permissive | SimplifyOptions::ErrorAbsolute;
+    let coarser = run(shape, |indices, vertices| {
+        let count = (3 * target).min(indices.len());
+        simplify_with_locks(indices, vertices, &held, count, f32::MAX, options, None)
+    });
+    if coarser.triangles.is_empty() {
         return None;
     }
-    let options = SimplifyOptions::Permissive | SimplifyOptions::ErrorAbsolute;
-    let fitting = TARGETS
-        .iter()
-        .map(|&target| {
-            run(shape, |indices, vertices| {
-                let count = (3 * target).min(indices.len());
-                simplify_with_locks(indices, vertices, &held, count, f32::MAX, options, None)
-            })
-        })
-        .find(|shape| shape.fits(room))?;
-    let (own, positions) = (fitting.positions(), shape.positions());
-    let error = hausdorff(
-        (&own, &fitting.triangles),
+    let (own, positions) = (coarser.positions(), shape.positions());
+    let distance = distance(
+        (&own, &coarser.triangles),
         (&positions, &shape.triangles),
         f64::INFINITY,
     );
-    Some((fitting, error))
+    Some((coarser, distance))
 }
 
 /// Runs one of meshoptimizer's simplifiers on `shape`, moved to the origin so that `f32` is exact.

@@ -168,7 +168,7 @@ fn tree_keeps_its_bounds_at_every_node() {
     assert_eq!(layer.summary.triangles, 4800);
 
     let (mut positions, mut triangles) = (Vec::new(), Vec::new());
-    append_finest(&layer.root, &lattice, &mut positions, &mut triangles);
+    append_finest(&layer.nodes, &lattice, &mut positions, &mut triangles);
     assert_eq!(triangles.len(), 4800);
     let distance = |positions: &[DVec3], triangles: &[[u32; 3]]| {
         let own = Mesh {
@@ -184,19 +184,22 @@ fn tree_keeps_its_bounds_at_every_node() {
     assert!(distance(&positions, &triangles) <= layer.max_error);
 
     // Any level, as a cut.
-    let mut level = vec![&layer.root];
+    let nodes = &layer.nodes;
+    let children = |k: usize| nodes[k].children.iter().map(|&child| child as usize);
+    let mut level = vec![0];
     let mut levels = 0;
     loop {
         let (mut positions, mut triangles) = (Vec::new(), Vec::new());
         let mut error = 0.0f64;
-        for node in &level {
+        for &k in &level {
+            let node = &nodes[k];
             let whole = ClusterInput {
                 children: Vec::new(),
-                ..(*node).clone()
+                ..node.clone()
             };
-            append_finest(&whole, &lattice, &mut positions, &mut triangles);
+            append_finest(&[whole], &lattice, &mut positions, &mut triangles);
             error = error.max(f64::from(node.error));
-            assert!(node.children.iter().all(|child| child.error <= node.error));
+            assert!(children(k).all(|child| nodes[child].error <= node.error));
             assert!(node.mesh.triangles.len() <= 256 && node.mesh.positions.len() <= 256);
             assert!(node.mesh.colours.len() == node.mesh.positions.len());
         }
@@ -206,16 +209,16 @@ fn tree_keeps_its_bounds_at_every_node() {
             "{measured} at level {levels}, bound {}",
             error * lattice.step
         );
-        if level.iter().all(|node| node.children.is_empty()) {
+        if level.iter().all(|&k| nodes[k].children.is_empty()) {
             break;
         }
         level = level
             .into_iter()
-            .flat_map(|node| {
-                if node.children.is_empty() {
-                    vec![node]
+            .flat_map(|k| {
+                if nodes[k].children.is_empty() {
+                    vec![k]
                 } else {
-                    node.children.iter().collect()
+                    children(k).collect()
                 }
             })
             .collect();
@@ -236,7 +239,7 @@ fn components_below_the_lattice_leave_something_to_see() {
     let selection = select::select(mesh);
     assert_eq!(selection.components.len(), 1);
     let layer = build(&selection.small, &selection.components, &lattice, true, &[]);
-    assert!(!layer.root.mesh.triangles.is_empty());
+    assert!(!layer.nodes[0].mesh.triangles.is_empty());
     let unit = lattice.step * f64::from(1u32 << lattice.shift);
     assert!(layer.max_error > 0.0 && layer.max_error < 3.0 * unit);
 }
@@ -253,36 +256,57 @@ fn the_same_for_any_number_of_threads() {
             .unwrap();
         let layer =
             pool.install(|| build(&selection.small, &selection.components, &lattice, true, &[]));
-        format!("{:?}", layer.root)
+        format!("{:?}", layer.nodes)
     };
     assert_eq!(built(1), built(4));
 }
 
-/// Adds the edges of a cut below `node` with the number of their triangles; `is_split` is asked of every node that has children.
+/// Edges of a cut with the number of their triangles; `is_split` is asked of every group all of whose members are reached.
 fn edges_of_cut(
-    node: &ClusterInput,
-    is_split: &mut impl FnMut() -> bool,
-    edges: &mut BTreeMap<[[u32; 3]; 2], u32>,
-) {
-    if !node.children.is_empty() && is_split() {
-        for child in &node.children {
-            edges_of_cut(child, is_split, edges);
-        }
-        return;
-    }
-    for t in &node.mesh.triangles {
-        for k in 0..3 {
-            let end = |k: usize| node.mesh.positions[usize::from(t[k % 3])];
-            let (a, b) = (end(k), end(k + 1));
-            *edges.entry([a.min(b), a.max(b)]).or_insert(0) += 1;
+    nodes: &[ClusterInput],
+    mut is_split: impl FnMut() -> bool,
+) -> BTreeMap<[[u32; 3]; 2], u32> {
+    let mut members: BTreeMap<u32, Vec<usize>> = BTreeMap::new();
+    for (k, node) in nodes.iter().enumerate() {
+        if let Some(&first) = node.children.first() {
+            members.entry(first).or_default().push(k);
         }
     }
+    let mut is_reached = vec![false; nodes.len()];
+    let mut is_drawn = is_reached.clone();
+    (is_reached[0], is_drawn[0]) = (true, true);
+    for (k, node) in nodes.iter().enumerate() {
+        let Some(members) = node.children.first().map(|first| &members[first]) else {
+            continue;
+        };
+        // Children come after what they replace, so all that is to be known of a group is known at its last member.
+        let is_last = members.last() == Some(&k);
+        if !is_last || !members.iter().all(|&k| is_reached[k]) || !is_split() {
+            continue;
+        }
+        for &member in members {
+            is_drawn[member] = false;
+        }
+        for &child in &node.children {
+            (is_reached[child as usize], is_drawn[child as usize]) = (true, true);
+        }
+    }
+    let mut edges = BTreeMap::new();
+    for (node, _) in nodes.iter().zip(is_drawn).filter(|(_, is_drawn)| *is_drawn) {
+        for t in &node.mesh.triangles {
+            for k in 0..3 {
+                let end = |k: usize| node.mesh.positions[usize::from(t[k % 3])];
+                let (a, b) = (end(k), end(k + 1));
+                *edges.entry([a.min(b), a.max(b)]).or_insert(0) += 1;
+            }
+        }
+    }
+    edges
 }
 
-#[test]
-fn no_cut_through_a_component_that_fits_no_leaf_opens_a_crack() {
-    const CELLS: u32 = 120;
-    let mut bumpy = sheet(CELLS);
+/// A bumpy sheet of `cells`² cells, and some cubes beside it, as clusters.
+fn large(cells: u32, colours: bool) -> (ManifoldMesh, Lattice, Layer) {
+    let mut bumpy = sheet(cells);
     for p in &mut bumpy.positions {
         p.z += (0.7 * p.x).sin() * (0.45 * p.y).cos();
     }
@@ -294,44 +318,35 @@ fn no_cut_through_a_component_that_fits_no_leaf_opens_a_crack() {
     selection.take_all(usize::MAX);
     assert!(selection.rest.triangles.is_empty());
     assert_eq!(selection.components.len(), 4);
-    let mesh = &selection.small;
-    let layer = build(mesh, &selection.components, &lattice, true, &[]);
-    let all = (2 * CELLS * CELLS) as usize;
-    assert_eq!(layer.summary.triangles, all + 36);
+    let layer = build(
+        &selection.small,
+        &selection.components,
+        &lattice,
+        colours,
+        &[],
+    );
+    (selection.small, lattice, layer)
+}
 
-    let deepest = |node: &&ClusterInput| node.children.len();
-    let component = layer.root.children.iter().max_by_key(deepest).unwrap();
-    let middle = &component.children[0];
-    assert!(
-        !middle.children.is_empty(),
-        "nothing between leaves and the whole"
-    );
-    assert!(
-        middle
-            .children
-            .iter()
-            .all(|leaf| middle.error >= leaf.error)
-    );
-    let far = CELLS.cast_signed();
+/// Checks that random cuts are open at the rim of the sheet only; how many different ones there were, at least.
+fn check_cuts(nodes: &[ClusterInput], cells: u32, lattice: &Lattice) -> usize {
+    let far = f64::from(cells);
     let is_on_rim = |p: [u32; 3]| {
         let at = lattice.world_from_lattice(p);
         [at.x, at.y]
             .iter()
-            .any(|c| *c < 0.01 || (c - f64::from(far)).abs() < 0.01)
+            .any(|c| *c < 0.01 || (c - far).abs() < 0.01)
     };
     let mut random = 7u64;
     let mut sizes = std::collections::BTreeSet::new();
     for round in 0..60 {
-        let mut coin = || {
+        let coin = || {
             random = random
                 .wrapping_mul(6_364_136_223_846_793_005)
                 .wrapping_add(1);
-            round == 0 || random >> 33 & 1 == 1
+            round == 0 || random >> 33 & 3 > 0
         };
-        let mut edges = BTreeMap::new();
-        for child in &component.children {
-            edges_of_cut(child, &mut coin, &mut edges);
-        }
+        let edges = edges_of_cut(nodes, coin);
         sizes.insert(edges.len());
         for ([a, b], count) in edges {
             assert!(
@@ -340,5 +355,69 @@ fn no_cut_through_a_component_that_fits_no_leaf_opens_a_crack() {
             );
         }
     }
-    assert!(sizes.len() > 20, "{} different cuts", sizes.len());
+    sizes.len()
+}
+
+#[test]
+fn no_cut_through_a_component_that_fits_no_leaf_opens_a_crack() {
+    const CELLS: u32 = 120;
+    let (_, lattice, layer) = large(CELLS, true);
+    let all = (2 * CELLS * CELLS) as usize;
+    assert_eq!(layer.summary.triangles, all + 36);
+    let nodes = &layer.nodes;
+    // Each level has about a quarter of the one below: a sheet of so many triangles takes four to come down to one.
+    let mut heights = vec![0; nodes.len()];
+    let mut shared = std::collections::BTreeSet::new();
+    for (k, node) in nodes.iter().enumerate().rev() {
+        let below = node.children.iter().map(|&child| heights[child as usize]);
+        heights[k] = below.max().map_or(0, |below: u32| below + 1);
+        for &child in &node.children {
+            assert!(child as usize > k && nodes[child as usize].error <= node.error);
+        }
+        if !node.children.is_empty() && !shared.insert(&node.children) {
+            let other = nodes[..].iter().rposition(|n| n.children == node.children);
+            assert_eq!(nodes[other.unwrap()].error.to_bits(), node.error.to_bits());
+        }
+    }
+    assert!(heights[0] >= 4, "{} levels", heights[0]);
+    assert!(nodes.len() < 2 * layer.summary.leaves);
+    let different = check_cuts(nodes, CELLS, &lattice);
+    assert!(different > 10, "{different} different cuts");
+}
+
+#[test]
+fn what_is_finer_than_asked_for_is_left_out() {
+    const CELLS: u32 = 120;
+    let (mesh, lattice, mut layer) = large(CELLS, false);
+    let before = layer.summary;
+    assert!(!layer.is_trimmed());
+    let mut counts = vec![before.nodes];
+    for rms in [0.1, 0.2] {
+        layer.trim(rms, 4.0);
+        assert!(layer.is_trimmed());
+        let (mut positions, mut triangles) = (Vec::new(), Vec::new());
+        append_finest(&layer.nodes, &lattice, &mut positions, &mut triangles);
+        let own = Mesh {
+            positions: &positions,
+            triangles: &triangles,
+        };
+        let source = Mesh {
+            positions: &mesh.positions,
+            triangles: &mesh.triangles,
+        };
+        let measured = measure(own, source, 20_000).unwrap();
+        let rounding = lattice.step * f64::from(1u32 << lattice.shift);
+        assert!(
+            measured.rms() <= 1.1 * rms + rounding,
+            "{} of {rms}",
+            measured.rms()
+        );
+        assert!(measured.hausdorff() <= layer.max_error && layer.max_error <= 4.0 + rounding);
+        assert!(check_cuts(&layer.nodes, CELLS, &lattice) > 1);
+        counts.push(layer.nodes.len());
+    }
+    assert!(counts.is_sorted_by(|a, b| a > b), "{counts:?}");
+    // From anew, not from what was left.
+    layer.trim(0.0, 0.0);
+    assert_eq!(layer.summary, before);
 }

@@ -5,60 +5,37 @@
 //! never grows on the way down.
 
 use super::Room;
-use super::leaf::upwards;
-use super::shape::Shape;
+use super::graph::Graph;
 use super::simplify::simplified;
-use crate::cluster::ClusterInput;
 use rayon::prelude::*;
 
 /// Most children of a node.
 const FAN_OUT: usize = 4;
 
-/// The root over `nodes`, of which there is at least one.
-pub fn tree(nodes: Vec<ClusterInput>, room: Room) -> ClusterInput {
-    let mut level = nodes;
+/// Adds nodes above `roots`, of which there is at least one, up to one that stands for them all: the last of the graph.
+pub(super) fn tree(graph: &mut Graph, roots: Vec<u32>, colours: bool, room: Room) {
+    let mut level = roots;
     while level.len() > 1 {
         let groups = level.len().div_ceil(FAN_OUT);
+        let count = level.len();
         // Of nearly equal size, so that none has a single child.
-        let mut rest = level.into_iter();
-        let mut sizes = Vec::with_capacity(groups);
-        let count = rest.len();
-        for group in 0..groups {
-            let size = (group + 1) * count / groups - group * count / groups;
-            sizes.push(rest.by_ref().take(size).collect::<Vec<_>>());
-        }
-        level = sizes
+        let group = |group: usize| &level[group * count / groups..(group + 1) * count / groups];
+        let coarser: Vec<_> = (0..groups)
             .into_par_iter()
-            .map(|children| parent(children, room))
+            .map(|number| simplified(&graph.joined(group(number)), room))
+            .collect();
+        level = coarser
+            .into_iter()
+            .enumerate()
+            .map(|(number, (shape, error))| {
+                graph.above(&shape, group(number).to_vec(), error, colours)
+            })
             .collect();
     }
-    level.pop().unwrap_or_default()
 }
 
-/// One node in place of `children`.
-pub(super) fn parent(children: Vec<ClusterInput>, room: Room) -> ClusterInput {
-    let (coarser, error) = simplified(&joined(&children), room);
-    above(children, &coarser, error)
-}
-
-/// The meshes of `children` as one.
-pub(super) fn joined(children: &[ClusterInput]) -> Shape {
-    let mut shape = Shape::default();
-    for child in children {
-        shape.append_cluster(&child.mesh);
-    }
-    shape
-}
-
-/// The node over `children` that shows `coarser` in their place, whose distance to theirs is at most `error`.
-pub(super) fn above(children: Vec<ClusterInput>, coarser: &Shape, error: f64) -> ClusterInput {
-    let errors = children.iter().map(|child| f64::from(child.error));
-    let below = errors.fold(0.0, f64::max);
-    let colours = children.iter().any(|child| !child.mesh.colours.is_empty());
-    ClusterInput {
-        mesh: coarser.cluster(colours),
-        error: upwards(below + error),
-        texel: None,
-        children,
-    }
+/// Adds one node in place of `children`.
+pub(super) fn parent(graph: &mut Graph, children: Vec<u32>, colours: bool, room: Room) -> u32 {
+    let (shape, error) = simplified(&graph.joined(&children), room);
+    graph.above(&shape, children, error, colours)
 }

@@ -1,7 +1,7 @@
 //! Fewer triangles where a mesh has far more than its conversion can use.
 //!
-//! A mesh of more than [`MANY`] triangles loses edges, the shortest first, that are shorter than those of half as many equal
-//! triangles on its area: one vertex takes the place of two, where the planes of the source's triangles ask for it
+//! A mesh of more than [`MANY`] triangles, or one that [`is_torn`], loses edges, the shortest first, that are shorter than those of
+//! as many equal triangles on its area as are [`Goal::enough`]: one vertex takes the place of two, where the planes of the source's triangles ask for it
 //! (Garland & Heckbert, "Surface Simplification Using Quadric Error Metrics", 1997). A collapse must keep three promises: the
 //! surface stays what it is topologically (the link condition of Dey, Edelsbrunner, Guha & Nekhayev, "Topology preserving edge
 //! contraction", 1999), the mean square of the distance to the source's planes stays a small part of the target, and the
@@ -19,7 +19,7 @@ mod quadric;
 #[cfg(test)]
 mod tests;
 
-use super::adjacency::id;
+use super::adjacency::{EdgeTable, UnionFind, end, id, start};
 use super::{NONE, WeldedMesh, weld};
 use collapse::{Collapsed, Limits};
 use glam::DVec3;
@@ -28,10 +28,68 @@ use rayon::prelude::*;
 /// Triangles up to which a mesh is left alone; about half as many are left of a larger one that is smooth.
 pub const MANY: usize = 2_000_000;
 
-/// Root of the mean squared distance to the planes of merged triangles, over the target.
-const RMS_OVER_TARGET: f64 = 0.2;
-/// Guaranteed distance of each pass, over the target.
-const BOUND_OVER_TARGET: f64 = 2.0;
+/// Triangles from which on a mesh is asked whether it is torn.
+const SOME: usize = 100_000;
+/// A mesh is torn if it has fewer triangles than so many for each loop of edges that have not two.
+const TRIANGLES_A_LOOP: usize = 1000;
+
+/// How far decimation goes.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Goal {
+    /// Root of the mean squared distance to the planes of merged triangles, a length.
+    pub rms: f64,
+    /// Guaranteed distance of each pass, a length.
+    pub bound: f64,
+    /// Triangles that it stops at, about.
+    pub enough: usize,
+}
+
+impl Goal {
+    /// Of a mesh that charts are made of, for an RMS error of `target`, a length.
+    pub fn for_charts(target: f64, enough: usize) -> Self {
+        Self {
+            rms: 0.2 * target,
+            bound: 2.0 * target,
+            enough,
+        }
+    }
+
+    /// Of a mesh whose triangles are shown as they are.
+    pub fn for_clusters(target: f64) -> Self {
+        Self {
+            rms: 0.5 * target,
+            bound: 3.0 * target,
+            enough: 0,
+        }
+    }
+}
+
+/// Whether a mesh is so full of borders and non-manifold edges that it will be clusters: photogrammetry of what has no clear surface. Small
+/// meshes are not, whatever they are.
+pub fn is_torn(mesh: &WeldedMesh) -> bool {
+    let triangles = &mesh.triangles;
+    if triangles.len() < SOME {
+        return false;
+    }
+    let mut sets = UnionFind::new(mesh.positions.len());
+    let mut is_open = vec![false; mesh.positions.len()];
+    let edges = EdgeTable::new(triangles, mesh.positions.len());
+    for &h in edges
+        .edges()
+        .filter(|of| of.len() != 2)
+        .filter_map(<[u32]>::first)
+    {
+        let ends = [start(triangles, h), end(triangles, h)];
+        sets.union(ends[0], ends[1]);
+        for v in ends {
+            is_open[v as usize] = true;
+        }
+    }
+    let open = (0u32..).zip(&is_open).filter(|(_, is_open)| **is_open);
+    let loops = open.filter(|&(v, _)| sets.find(v) == v).count();
+    triangles.len() < TRIANGLES_A_LOOP * loops
+}
+
 /// Edges shorter than this, over the edge of equal triangles, are collapsed; the edges left are about as long as those.
 const SHORT: f64 = 0.8;
 /// Triangles of a block.
@@ -51,9 +109,9 @@ pub struct Decimated {
     pub rms: f64,
 }
 
-/// Decimates a mesh without colours that is to be shown with an RMS error of `target`, a length, to about `enough` triangles.
-/// Also one in eight of the vertices that were taken away, for measurements.
-pub fn decimate(mesh: &mut WeldedMesh, target: f64, enough: usize) -> (Decimated, Vec<DVec3>) {
+/// Decimates a mesh without colours as far as `goal` says. Also one in eight of the vertices that were taken away, for measurements.
+pub fn decimate(mesh: &mut WeldedMesh, goal: Goal) -> (Decimated, Vec<DVec3>) {
+    let Goal { rms, bound, enough } = goal;
     let mut decimated = Decimated::default();
     let mut gone = Vec::new();
     if mesh.triangles.len() <= enough || !mesh.colours.is_empty() {
@@ -64,8 +122,8 @@ pub fn decimate(mesh: &mut WeldedMesh, target: f64, enough: usize) -> (Decimated
     let edge = (4.0 / 3.0_f64.sqrt() * before.1 / enough.max(1) as f64).sqrt();
     let limits = Limits {
         edge: SHORT * edge,
-        rms: RMS_OVER_TARGET * target,
-        bound: BOUND_OVER_TARGET * target,
+        rms,
+        bound,
     };
     for origin in [0.0, 0.6] {
         let pass = pass(mesh, limits, origin);

@@ -3,6 +3,7 @@
 //! Every node gets an image of its own, laid out for its own triangles ([`mod@unwrap`]), so a node's page is all that it takes to show
 //! it. A leaf's texels come from the source's images, about as dense as there; those of a node above from the images of its
 //! children, at the places nearest to its own surface: a pyramid whose levels are those of the clusters ([`mod@bake`] fills both).
+//! Images are kept only until what is above them has its own.
 //! Parts that no image covers keep the colours of their vertices.
 
 pub mod bake;
@@ -16,17 +17,16 @@ use super::light::Light;
 use super::raster::Paint;
 use super::source::weights;
 use super::stage::Painter;
-use crate::cluster::ClusterInput;
 use bake::{Spot, Steps, bake};
 use glam::{DVec2, DVec3, Vec2, Vec3};
 use marquetry_evaluation::distance::{Bvh, closest_point};
 use marquetry_format::cluster::{ClusterTexture, MAX_TEXTURE_TEXELS};
+use marquetry_format::writer::ClusterInput;
 use marquetry_format::{ClusterMesh, Lattice};
 use rayon::prelude::*;
 use std::cell::Cell;
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, HashMap};
 use std::sync::Arc;
-use std::sync::atomic::{AtomicUsize, Ordering};
 use unwrap::{Unwrapped, unwrap};
 
 /// Part of an image that patches cover at best: where a node's texels start from.
@@ -43,13 +43,15 @@ pub struct Canvas<'a> {
     pub progress: &'a (dyn Fn(f64) + Sync),
 }
 
-/// A node with its image, for the node above.
+/// A node with its image, for the nodes above.
 struct Painted {
     positions: Vec<DVec3>,
     triangles: Vec<[u32; 3]>,
     colours: Vec<Vec3>,
     /// Places of the vertices from the upper left corner of the image, it, and texels a lattice unit.
     image: Option<(Vec<Vec2>, Texels, f64)>,
+    /// What the node is to have in place of its mesh, and the length of its texels, lattice units.
+    mesh: Option<(ClusterMesh, f32)>,
 }
 
 impl Painted {
@@ -59,52 +61,128 @@ impl Painted {
     }
 }
 
-/// Gives every node of the tree the texture that its source has. The same for any number of threads.
+/// Gives each of `nodes`, of which the first is the root, the texture that its source has. The same for any number of threads.
 ///
 /// # Errors
 /// When an image is damaged.
-pub fn paint(root: &mut ClusterInput, canvas: &Canvas<'_>) -> Result<(), TextureError> {
-    let count = count(root);
-    let done = AtomicUsize::new(0);
+pub fn paint(nodes: &mut [ClusterInput], canvas: &Canvas<'_>) -> Result<(), TextureError> {
     let light = Light::new();
-    let brush = Brush {
-        canvas,
-        light: &light,
-        tick: &|| {
-            let done = done.fetch_add(1, Ordering::Relaxed) + 1;
-            (canvas.progress)(done as f64 / count as f64);
-        },
+    let mut members: HashMap<u32, Vec<usize>> = HashMap::new();
+    for (number, node) in nodes.iter().enumerate() {
+        if let Some(&first) = node.children.first() {
+            members.entry(first).or_default().push(number);
+        }
+    }
+    let Some(root) = nodes.first() else {
+        return Ok(());
     };
-    brush.node(root).map(|_| ())
+    let first = root.children.first().copied();
+    let mut painting = Painting {
+        brush: Brush {
+            canvas,
+            light: &light,
+        },
+        painted: nodes.iter().map(|_| None).collect(),
+        nodes,
+        members,
+        done: 0,
+    };
+    match first {
+        Some(first) => painting.group(first),
+        None => painting.leaves(&[0]),
+    }
 }
 
-fn count(node: &ClusterInput) -> usize {
-    1 + node.children.iter().map(count).sum::<usize>()
+/// Nodes, some of which have their images.
+struct Painting<'a> {
+    brush: Brush<'a>,
+    nodes: &'a mut [ClusterInput],
+    /// Nodes that have the same children, by the first of these.
+    members: HashMap<u32, Vec<usize>>,
+    /// Images that are needed above.
+    painted: Vec<Option<Painted>>,
+    done: usize,
+}
+
+impl Painting<'_> {
+    /// Paints the nodes whose children begin with `first`, and all below them, depth first: few images are kept at a time.
+    fn group(&mut self, first: u32) -> Result<(), TextureError> {
+        // Done where there is none: a group is the child of several.
+        let Some(members) = self.members.remove(&first) else {
+            return Ok(());
+        };
+        let children = members
+            .first()
+            .map(|&member| self.nodes[member].children.clone());
+        let children = children.unwrap_or_default();
+        let mut leaves = Vec::new();
+        for &child in &children {
+            match self.nodes[child as usize].children.first().copied() {
+                Some(first) => self.group(first)?,
+                None => leaves.push(child as usize),
+            }
+        }
+        self.leaves(&leaves)?;
+        let below: Vec<Painted> = children
+            .iter()
+            .filter_map(|&child| self.painted[child as usize].take())
+            .collect();
+        let below = Below::new(&below);
+        let (brush, nodes) = (&self.brush, &*self.nodes);
+        let painted = members
+            .par_iter()
+            .map(|&member| brush.inner(&nodes[member], below.as_ref()))
+            .collect::<Result<Vec<_>, _>>()?;
+        self.keep(&members, painted);
+        self.agree(&members, &children);
+        Ok(())
+    }
+
+    /// Gives members with textures the length of texels of the coarsest of them, no less than of their children: they are
+    /// replaced together, and after these.
+    fn agree(&mut self, members: &[usize], children: &[u32]) {
+        let children = children.iter().map(|&child| child as usize);
+        let texels = members.iter().copied().chain(children);
+        let longest = texels
+            .filter_map(|k| self.nodes[k].texel)
+            .fold(0.0, f32::max);
+        for &member in members {
+            if let Some(texel) = &mut self.nodes[member].texel {
+                *texel = longest;
+            }
+        }
+    }
+
+    fn leaves(&mut self, leaves: &[usize]) -> Result<(), TextureError> {
+        let (brush, nodes) = (&self.brush, &*self.nodes);
+        let painted = leaves
+            .par_iter()
+            .map(|&leaf| brush.leaf(&nodes[leaf]))
+            .collect::<Result<Vec<_>, _>>()?;
+        self.keep(leaves, painted);
+        Ok(())
+    }
+
+    fn keep(&mut self, numbers: &[usize], painted: Vec<Painted>) {
+        for (&number, mut painted) in numbers.iter().zip(painted) {
+            let node = &mut self.nodes[number];
+            if let Some((mesh, texel)) = painted.mesh.take() {
+                (node.mesh, node.texel) = (mesh, Some(texel));
+            }
+            self.painted[number] = Some(painted);
+        }
+        self.done += numbers.len();
+        (self.brush.canvas.progress)(self.done as f64 / self.nodes.len() as f64);
+    }
 }
 
 struct Brush<'a> {
     canvas: &'a Canvas<'a>,
     light: &'a Light,
-    tick: &'a (dyn Fn() + Sync),
 }
 
 impl Brush<'_> {
-    fn node(&self, node: &mut ClusterInput) -> Result<Painted, TextureError> {
-        let below: Vec<Painted> = node
-            .children
-            .par_iter_mut()
-            .map(|child| self.node(child))
-            .collect::<Result<_, TextureError>>()?;
-        let painted = if below.is_empty() {
-            self.leaf(node)?
-        } else {
-            self.inner(node, &below)?
-        };
-        (self.tick)();
-        Ok(painted)
-    }
-
-    fn leaf(&self, node: &mut ClusterInput) -> Result<Painted, TextureError> {
+    fn leaf(&self, node: &ClusterInput) -> Result<Painted, TextureError> {
         let mut painted = self.plain(&node.mesh);
         let lattice = &self.canvas.lattice;
         let faces = node.mesh.triangles.iter().map(|t| {
@@ -150,23 +228,29 @@ impl Brush<'_> {
                     paints[triangle as usize].mean(weights, step_i, step_j, self.light)
                 },
             );
-            finish(node, &mut painted, mesh, image)?;
+            finish(&node.mesh, &mut painted, mesh, image)?;
         }
         Ok(painted)
     }
 
-    fn inner(&self, node: &mut ClusterInput, below: &[Painted]) -> Result<Painted, TextureError> {
+    fn inner(
+        &self,
+        node: &ClusterInput,
+        below: Option<&Below<'_>>,
+    ) -> Result<Painted, TextureError> {
         let mut painted = self.plain(&node.mesh);
-        let finest = below.iter().filter_map(|child| child.image.as_ref());
-        let finest = finest.map(|(_, _, scale)| *scale).fold(0.0, f64::max);
-        let source = Below::new(below);
-        let Some(source) = source.filter(|_| finest > 0.0) else {
+        let Some(source) = below else {
             return Ok(painted);
         };
+        let finest = source.finest();
+        if finest <= 0.0 {
+            return Ok(painted);
+        }
         let area: f64 = painted.triangles.iter().map(|t| painted.area(t)).sum();
         let texels = FULL * f64::from(MAX_TEXTURE_TEXELS).powi(2);
         let scale = (texels / area.max(f64::MIN_POSITIVE)).sqrt().min(finest);
         if let Some(mesh) = unwrap(&painted.positions, &painted.triangles, scale) {
+            let last = Cell::new(None);
             let image = bake(
                 &mesh,
                 self.light,
@@ -178,10 +262,11 @@ impl Brush<'_> {
                         a + (b - a) * weights.x + (c - a) * weights.y,
                         mesh.scale,
                         self.light,
+                        &last,
                     )
                 },
             );
-            finish(node, &mut painted, mesh, image)?;
+            finish(&node.mesh, &mut painted, mesh, image)?;
         }
         Ok(painted)
     }
@@ -200,13 +285,14 @@ impl Brush<'_> {
             triangles: mesh.triangles.iter().map(|t| t.map(u32::from)).collect(),
             colours: (0..mesh.positions.len()).map(colour).collect(),
             image: None,
+            mesh: None,
         }
     }
 }
 
-/// Gives `node` its image, and the vertices that it takes.
+/// Gives what was `painted` its image, and `old` the vertices that it takes.
 fn finish(
-    node: &mut ClusterInput,
+    old: &ClusterMesh,
     painted: &mut Painted,
     laid_out: Unwrapped,
     image: Texels,
@@ -215,7 +301,6 @@ fn finish(
         places: laid_out.vertices.iter().map(|&(_, place)| place).collect(),
         frame: encode::frame(image.rgb.as_flattened(), image.width, image.height)?,
     };
-    let old = &node.mesh;
     let of = |v: u32| v as usize;
     let index = |v: u32| u8::try_from(v).unwrap_or(u8::MAX);
     let numbers = || laid_out.vertices.iter().map(|&(v, _)| of(v));
@@ -238,7 +323,7 @@ fn finish(
     painted.image = Some((places.collect(), image, laid_out.scale));
     #[expect(clippy::cast_possible_truncation, reason = "a length on the lattice")]
     let texel = (1.0 / laid_out.scale) as f32;
-    (node.mesh, node.texel) = (mesh, Some(texel));
+    painted.mesh = Some((mesh, texel));
     Ok(())
 }
 
@@ -248,8 +333,6 @@ struct Below<'a> {
     /// Child and triangle of every triangle of the tree.
     of: Vec<(usize, usize)>,
     children: &'a [Painted],
-    /// What was found last: texels side by side mostly have the same triangle.
-    last: Cell<Option<u32>>,
 }
 
 impl<'a> Below<'a> {
@@ -262,12 +345,16 @@ impl<'a> Below<'a> {
             of.extend((0..child.triangles.len()).map(|t| (number, t)));
         }
         let tree = Bvh::new(&positions, &triangles).ok()?;
-        (!tree.is_empty()).then_some(Self {
-            tree,
-            of,
-            children,
-            last: Cell::new(None),
-        })
+        (!tree.is_empty()).then_some(Self { tree, of, children })
+    }
+
+    /// Most texels a lattice unit of an image; 0 where there is none.
+    fn finest(&self) -> f64 {
+        let images = self
+            .children
+            .iter()
+            .filter_map(|child| child.image.as_ref());
+        images.map(|(_, _, scale)| *scale).fold(0.0, f64::max)
     }
 
     /// Corners of a triangle of the tree, and the child that it is of.
@@ -277,9 +364,10 @@ impl<'a> Below<'a> {
         Some((child, *child.triangles.get(triangle)?))
     }
 
-    /// The triangle nearest to `point`, and the nearest point of it.
-    fn nearest(&self, point: DVec3) -> Option<(u32, DVec3)> {
-        let last = self.last.get().and_then(|number| {
+    /// The triangle nearest to `point`, and the nearest point of it. `found_last` is what was: texels side by side mostly have the
+    /// same triangle.
+    fn nearest(&self, point: DVec3, found_last: &Cell<Option<u32>>) -> Option<(u32, DVec3)> {
+        let last = found_last.get().and_then(|number| {
             let (child, corners) = self.triangle(number)?;
             let corners = corners.map(|v| child.positions[v as usize]);
             Some((number, closest_point(corners, point)))
@@ -287,13 +375,19 @@ impl<'a> Below<'a> {
         let within = last.map_or(f64::INFINITY, |(_, found)| found.distance_squared(point));
         let found = self.tree.closest(point, within);
         let nearest = found.map(|found| (found.triangle, found.point)).or(last);
-        self.last.set(nearest.map(|(number, _)| number));
+        found_last.set(nearest.map(|(number, _)| number));
         nearest
     }
 
     /// The colour nearest to `point`, as a texel of which there are `scale` a unit of length shows it.
-    fn colour(&self, point: DVec3, scale: f64, light: &Light) -> Vec3 {
-        let nearest = self.nearest(point);
+    fn colour(
+        &self,
+        point: DVec3,
+        scale: f64,
+        light: &Light,
+        found_last: &Cell<Option<u32>>,
+    ) -> Vec3 {
+        let nearest = self.nearest(point, found_last);
         let found = nearest.and_then(|(number, found)| Some((self.triangle(number)?, found)));
         let Some(((child, corners), found)) = found else {
             return Vec3::ZERO;

@@ -9,11 +9,10 @@ use super::images::{ImageError, ImageStore};
 use super::light::Light;
 use super::source::SourceMesh;
 use crate::atlas::patch::Patch;
-use crate::cluster::ClusterInput;
 use crate::mesh::ImportedMesh;
 use crate::parameterize::Parametrization;
 use glam::DVec3;
-use marquetry_format::writer::ColourInput;
+use marquetry_format::writer::{ClusterInput, ColourInput};
 use marquetry_format::{Glue, Lattice};
 use rayon::prelude::*;
 
@@ -151,13 +150,13 @@ impl Textures {
             .collect())
     }
 
-    /// Gives every cluster below `root` its texture; nothing where nothing is textured.
+    /// Gives each of `nodes` its texture; nothing where nothing is textured.
     ///
     /// # Errors
     /// When an image is damaged.
     pub fn paint(
         &self,
-        root: &mut ClusterInput,
+        nodes: &mut [ClusterInput],
         lattice: &Lattice,
         progress: &(dyn Fn(f64) + Sync),
     ) -> Result<(), TextureError> {
@@ -174,7 +173,7 @@ impl Textures {
             lattice: *lattice,
             progress,
         };
-        cluster::paint(root, &canvas)
+        cluster::paint(nodes, &canvas)
     }
 
     /// Whether there are tiles to make.

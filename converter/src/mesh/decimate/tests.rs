@@ -32,7 +32,7 @@ fn torus(rings: u32, columns: u32, noise: f64) -> ImportedMesh {
 
 fn decimated(mesh: ImportedMesh, target: f64, enough: usize) -> (ManifoldMesh, Decimated) {
     let (mut welded, mut account) = weld(mesh).unwrap();
-    (account.decimated, _) = decimate(&mut welded, target, enough);
+    (account.decimated, _) = decimate(&mut welded, Goal::for_charts(target, enough));
     let manifold = orient(welded, &mut account);
     assert_eq!(account.check(), Ok(()));
     assert_eq!(manifold.check(), Ok(()));
@@ -161,4 +161,33 @@ fn small_and_coloured_meshes_stay() {
     };
     let (mesh, report) = decimated(coloured, 1.0, 100);
     assert_eq!((mesh.triangles.len(), report), (1200, Decimated::default()));
+}
+
+/// A sheet of `cells`² cells; of every `tear`² cells one is missing.
+fn sheet_with_holes(cells: u32, tear: u32) -> WeldedMesh {
+    let mut mesh = ImportedMesh::default();
+    let at = |x: u32, y: u32| y * (cells + 1) + x;
+    for k in 0..(cells + 1).pow(2) {
+        let (x, y) = (k % (cells + 1), k / (cells + 1));
+        mesh.positions.push(DVec3::new(x.into(), y.into(), 0.0));
+    }
+    for k in 0..cells.pow(2) {
+        let (x, y) = (k % cells, k / cells);
+        if x % tear != tear / 2 || y % tear != tear / 2 {
+            let (a, c) = (at(x, y), at(x + 1, y + 1));
+            let others = [at(x + 1, y), at(x, y + 1)];
+            mesh.triangles
+                .extend([[a, others[0], c], [a, c, others[1]]]);
+        }
+    }
+    weld(mesh).unwrap().0
+}
+
+#[test]
+fn torn_meshes_are_told_from_meshes_with_holes() {
+    // 2 x 230^2 triangles, a loop for each 2 x 20^2 and each 2 x 25^2 of them.
+    assert!(is_torn(&sheet_with_holes(230, 20)));
+    assert!(!is_torn(&sheet_with_holes(230, 25)));
+    // Too small to be asked.
+    assert!(!is_torn(&sheet_with_holes(200, 10)));
 }

@@ -158,7 +158,8 @@ impl Frame {
             max,
             diagonal,
             target,
-            lattice: quantize::lattice(min, max, target),
+            // Decimation does not ask for more bits.
+            lattice: quantize::lattice(min, max, error_rel * diagonal),
             has_colours,
             decimated,
         }

@@ -3,7 +3,8 @@
 //! A component's triangles stay as they are, with their corners rounded to the lattice; those that lose their extent are
 //! left out, and what that moves is in the leaf's error. Normals are those of the mesh, but for creases: vertices whose faces turn
 //! more than `CREASE` away from them, into up to three directions that each are clear. There each face sees only those of about its own direction,
-//! so that a cube is not lit like a ball. Where directions are not clear the surface is rough.
+//! so that a cube is not lit like a ball. Where directions are not clear the surface is rough, and only faces of a direction that has most of the
+//! area do, so that a wall is not lit like the rubble at its foot.
 //! Components follow each other along a Hilbert curve, and fill one leaf after the other. One that does not fit a leaf is halved
 //! until its parts do, which `group` puts together again.
 
@@ -27,6 +28,8 @@ use rayon::prelude::*;
 const CREASE: f64 = 0.766;
 /// Cosine of the angle (20°) up to which faces have one direction.
 const CLEAR: f64 = 0.94;
+/// Part of the area around a vertex that faces of one direction have which keep it whatever the others do.
+const DOMINANT: f64 = 0.9;
 /// Directions of faces at a vertex on a crease, at most: those of a corner.
 const DIRECTIONS: usize = 3;
 
@@ -116,18 +119,27 @@ fn fits_together(shape: &Shape, other: &Shape, room: Room) -> bool {
     }
 }
 
-/// Unit normal of a face; zero where it has no area.
-fn face_normal(mesh: &ManifoldMesh, t: u32) -> DVec3 {
-    let [a, b, c] = mesh.triangles[t as usize].map(|v| mesh.positions[v as usize]);
-    (b - a).cross(c - a).normalize_or_zero()
+/// A vertex whose faces turn far from its normal.
+struct Crease {
+    vertex: u32,
+    /// Whether they turn into a few clear directions.
+    is_clear: bool,
 }
 
-/// The vertex that `faces`, pairs of it and a face, are around, if it is on a crease.
-fn crease(mesh: &ManifoldMesh, faces: &[[u32; 2]]) -> Option<u32> {
-    let &[v, _] = faces.first()?;
-    let normals = faces.iter().map(|&[_, f]| face_normal(mesh, f));
+/// Normal of a face, twice its area long.
+fn face_vector(mesh: &ManifoldMesh, t: u32) -> DVec3 {
+    let [a, b, c] = mesh.triangles[t as usize].map(|v| mesh.positions[v as usize]);
+    (b - a).cross(c - a)
+}
+
+/// The vertex that `faces`, pairs of it and a face, are around, if they turn far from its normal.
+fn crease(mesh: &ManifoldMesh, faces: &[[u32; 2]]) -> Option<Crease> {
+    let &[vertex, _] = faces.first()?;
+    let normals = faces
+        .iter()
+        .map(|&[_, f]| face_vector(mesh, f).normalize_or_zero());
     let normals: Vec<DVec3> = normals.filter(|&n| n != DVec3::ZERO).collect();
-    let of_all = mesh.normals[v as usize];
+    let of_all = mesh.normals[vertex as usize];
     if normals.iter().all(|n| n.dot(of_all) >= CREASE) {
         return None;
     }
@@ -141,7 +153,10 @@ fn crease(mesh: &ManifoldMesh, faces: &[[u32; 2]]) -> Option<u32> {
             directions.push(n);
         }
     }
-    (directions.len() <= DIRECTIONS && normals.iter().all(is_clear)).then_some(v)
+    Some(Crease {
+        vertex,
+        is_clear: directions.len() <= DIRECTIONS && normals.iter().all(is_clear),
+    })
 }
 
 /// Divides `items`, of which there are at least two, across the longest extent of their centres into two parts, so that as few parts of
@@ -186,8 +201,8 @@ struct Component<'a> {
     faces: Vec<[u32; 2]>,
     /// Number of vertices.
     vertices: usize,
-    /// Vertices on creases, ascending.
-    creases: Vec<u32>,
+    /// Vertices whose faces turn far from their normals, ascending.
+    creases: Vec<Crease>,
 }
 
 impl<'a> Component<'a> {
@@ -322,11 +337,24 @@ impl<'a> Component<'a> {
     /// Vertex `v` as face `t` sees it.
     fn vertex(&self, v: u32, t: u32, creased: bool) -> Vertex {
         let mut normal = self.mesh.normals[v as usize];
-        if creased && self.creases.binary_search(&v).is_ok() {
-            let own = face_normal(self.mesh, t);
-            let around = self.around(v).map(|f| face_normal(self.mesh, f));
-            let alike = around.filter(|n| n.dot(own) >= CREASE);
-            normal = alike.sum::<DVec3>().normalize_or(normal);
+        let crease = self
+            .creases
+            .binary_search_by_key(&v, |crease| crease.vertex);
+        if let Some(crease) = crease.ok().filter(|_| creased) {
+            let is_clear = self.creases[crease].is_clear;
+            let own = face_vector(self.mesh, t).normalize_or_zero();
+            let (mut alike, mut area, mut whole) = (DVec3::ZERO, 0.0, 0.0);
+            for face in self.around(v).map(|f| face_vector(self.mesh, f)) {
+                let (unit, length) = (face.normalize_or_zero(), face.length());
+                whole += length;
+                if unit.dot(own) >= CREASE {
+                    area += length;
+                    alike += unit;
+                }
+            }
+            if is_clear || area > DOMINANT * whole {
+                normal = alike.normalize_or(normal);
+            }
         }
         let colour = self.mesh.colours.get(v as usize).copied();
         (

@@ -57,8 +57,8 @@ impl Goal {
     /// Of a mesh whose triangles are shown as they are.
     pub fn for_clusters(target: f64) -> Self {
         Self {
-            rms: 0.5 * target,
-            bound: 3.0 * target,
+            rms: 0.7 * target,
+            bound: 6.0 * target,
             enough: 0,
         }
     }

@@ -5,5 +5,7 @@
 
 pub mod distance;
 pub mod image;
+pub mod pareto;
+pub mod popping;
 
 pub use distance::{Bvh, Closest, Distances, Mesh, MeshError, OneWay, measure};

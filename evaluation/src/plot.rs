@@ -13,21 +13,21 @@ pub use axis::{Axis, Scale, short};
 use std::fmt::Write;
 
 /// Size of a plot, in its own units; it is as wide as what it is in.
-const WIDTH: f64 = 520.0;
+const WIDTH: f64 = 480.0;
 const HEIGHT: f64 = 340.0;
 /// Room for labels.
-const LEFT: f64 = 64.0;
+const LEFT: f64 = 68.0;
 const RIGHT: f64 = 14.0;
 const TOP: f64 = 12.0;
-const BOTTOM: f64 = 46.0;
+const BOTTOM: f64 = 52.0;
 /// A row of the legend.
-const ROW: f64 = 19.0;
+const ROW: f64 = 21.0;
 /// About the width of a letter.
-const LETTER: f64 = 6.7;
+const LETTER: f64 = 7.7;
 
 /// Style sheet of all plots; once a page, or in each plot that is a file of its own.
 pub const STYLE: &str = "\
-.plot{font:12px system-ui,sans-serif;--ink:#222;--grid:#e2e2e2;--paper:#fff;\
+.plot{font:14px system-ui,sans-serif;--ink:#222;--grid:#e2e2e2;--paper:#fff;\
 --s0:#0072b2;--s1:#d55e00;--s2:#009e73;--s3:#b0558a;--s4:#7a6a00;--s5:#555}\
 @media(prefers-color-scheme:dark){.plot{--ink:#ddd;--grid:#3a3d42;--paper:#17191c;\
 --s0:#5ab4ee;--s1:#ff9a56;--s2:#3fd6a5;--s3:#eb9ccb;--s4:#e5cf4e;--s5:#aaa}}\
@@ -184,7 +184,7 @@ impl Plot {
                 svg,
                 "<line class=\"grid\" x1=\"{at:.1}\" y1=\"{top}\" x2=\"{at:.1}\" y2=\"{bottom}\"/>\
                  <text x=\"{at:.1}\" y=\"{:.1}\" text-anchor=\"middle\">{label}</text>",
-                bottom + 17.0
+                bottom + 18.0
             );
         }
         for (value, label) in frame.y.ticks() {
@@ -194,7 +194,7 @@ impl Plot {
                 "<line class=\"grid\" x1=\"{left}\" y1=\"{at:.1}\" x2=\"{right}\" y2=\"{at:.1}\"/>\
                  <text x=\"{:.1}\" y=\"{:.1}\" text-anchor=\"end\">{label}</text>",
                 left - 6.0,
-                at + 4.0
+                at + 5.0
             );
         }
         let _ = write!(
@@ -205,7 +205,7 @@ impl Plot {
             right - left,
             bottom - top,
             0.5 * (left + right),
-            bottom + 37.0,
+            bottom + 41.0,
             escaped(&self.x.label),
             0.5 * (top + bottom),
             escaped(&self.y.label)
@@ -251,7 +251,7 @@ fn draw_guide(svg: &mut String, frame: &Frame<'_>, (x, label): &(f64, String)) {
         frame.top,
         frame.bottom,
         at + shift,
-        frame.top + 13.0,
+        frame.top + 15.0,
         escaped(label)
     );
 }
@@ -338,7 +338,7 @@ fn draw_key(svg: &mut String, series: &Series, left: f64, middle: f64) {
         svg,
         "<text x=\"{:.1}\" y=\"{:.1}\">{}</text>",
         left + 32.0,
-        middle + 4.0,
+        middle + 5.0,
         escaped(&series.name)
     );
 }

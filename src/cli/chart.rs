@@ -327,16 +327,24 @@ fn notes(report: &Report) -> Vec<String> {
             report.settings.views.len()
         ));
     }
-    let broken = report.geometry.iter().find(|p| {
+    let is_broken = |p: &&GeometryPoint| {
         let pair = p.hausdorff_rel.zip(p.bound_rel);
         pair.is_some_and(|(found, bound)| found > bound * 1.001 + 1e-9)
-    });
-    if let Some(point) = broken {
+    };
+    let broken: Vec<&GeometryPoint> = report.geometry.iter().filter(is_broken).collect();
+    if let Some(point) = broken.first() {
         notes.push(format!(
-            "At {} triangles a distance of {} was found, above the {} that the file guarantees: it was not made of this input, or not by this version.",
-            point.triangles,
+            "Distances above what the file states as its bound were found in {} of its cuts (at {} triangles: {}, stated {}). The bound does \
+             not hold there.{}",
+            broken.len(),
+            tables::count(point.triangles),
             tables::error(point.hausdorff_rel.unwrap_or_default()),
-            tables::error(point.bound_rel.unwrap_or_default())
+            tables::error(point.bound_rel.unwrap_or_default()),
+            if point.asked_triangles.is_none() {
+                " That includes the finest, so the file was not made of this input, or is at fault."
+            } else {
+                " They are coarse cuts: the finest keeps its bound."
+            }
         ));
     }
     if report

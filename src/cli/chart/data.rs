@@ -98,6 +98,8 @@ pub(super) struct Fronts {
 #[derive(Debug, Clone, Serialize)]
 pub(super) struct GeometryPoint {
     pub(super) method: Method,
+    /// Most triangles that were asked for, as of `measure --triangles`; absent for what is finest.
+    pub(super) asked_triangles: Option<u64>,
     pub(super) triangles: u64,
     /// To read it; of the original: as stored.
     pub(super) bytes: Option<u64>,

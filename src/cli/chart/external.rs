@@ -99,6 +99,7 @@ fn point(columns: &[&str], row: &[&str]) -> anyhow::Result<GeometryPoint> {
     }
     Ok(GeometryPoint {
         method: Method::External(tool.to_owned()),
+        asked_triangles: None,
         triangles: count("triangles")?.context("triangles is empty")?,
         bytes: count("bytes")?,
         rms_rel,

@@ -2,6 +2,7 @@
 
 use super::data::{ConversionPoint, GeometryPoint, Method, PicturePoint, Report};
 use super::pictures::same;
+use marquetry_evaluation::pareto;
 use marquetry_evaluation::plot::{Axis, Line, Plot, Point, Series, short};
 
 /// Colours and marks: 0 is the file's everywhere, 1 that of levels of detail, 5 the original's; others share the rest.
@@ -146,6 +147,30 @@ fn original(report: &Report, of: fn(&GeometryPoint) -> Option<f64>) -> Vec<(f64,
         .collect()
 }
 
+/// Which end of an axis is the better one.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Best {
+    Low,
+    High,
+    /// Points are not ranked.
+    Neither,
+}
+
+/// Marks the points of all series that are on the front of what is plotted.
+fn mark_front(series: &mut [Series], best: Best) {
+    let sign = match best {
+        Best::Low => 1.0,
+        Best::High => -1.0,
+        Best::Neither => return,
+    };
+    let points = series.iter().flat_map(|series| &series.points);
+    let pairs: Vec<(f64, f64)> = points.map(|p| (p.x, sign * p.y)).collect();
+    let points = series.iter_mut().flat_map(|series| &mut series.points);
+    for (point, on_front) in points.zip(pareto::front(&pairs)) {
+        point.on_front = on_front;
+    }
+}
+
 /// What of a point of pictures is plotted against what.
 pub(super) struct PicturePair {
     x: fn(&PicturePoint) -> Option<f64>,
@@ -153,8 +178,7 @@ pub(super) struct PicturePair {
     y: fn(&PicturePoint) -> Option<f64>,
     y_axis: fn() -> Axis,
     interval: fn(&PicturePoint) -> Option<[f64; 2]>,
-    /// Whether points are marked that are on the front of SSIM against triangles.
-    has_front: bool,
+    best: Best,
 }
 
 pub(super) const SSIM: PicturePair = PicturePair {
@@ -163,13 +187,13 @@ pub(super) const SSIM: PicturePair = PicturePair {
     y: |p| Some(p.ssim.mean),
     y_axis: || Axis::linear("SSIM (1 = no difference)"),
     interval: |p| p.ssim.interval,
-    has_front: true,
+    best: Best::High,
 };
 pub(super) const FLIP: PicturePair = PicturePair {
     y: |p| Some(p.flip.mean),
     y_axis: || Axis::linear("FLIP (0 = no difference)"),
     interval: |p| p.flip.interval,
-    has_front: false,
+    best: Best::Low,
     ..SSIM
 };
 pub(super) const OUTLINE: PicturePair = PicturePair {
@@ -181,13 +205,12 @@ pub(super) const OUTLINE: PicturePair = PicturePair {
 pub(super) const SSIM_BY_CPU: PicturePair = PicturePair {
     x: |p| Some(p.time.cpu_ms).filter(|_| p.time.frames > 0),
     x_label: "processor time of a frame, ms",
-    has_front: false,
+    best: Best::Neither,
     ..SSIM
 };
 pub(super) const SSIM_BY_GPU: PicturePair = PicturePair {
     x: |p| p.time.gpu_ms,
     x_label: "GPU time of a frame, ms",
-    has_front: false,
     ..SSIM
 };
 
@@ -204,7 +227,7 @@ pub(super) fn pictures(report: &Report, distance: f64, pair: &PicturePair) -> Pl
                 x,
                 y,
                 interval: (pair.interval)(p),
-                on_front: pair.has_front && p.on_front,
+                on_front: false,
                 label: format!("{}, {}: {}, {y:.4}", method.name(), p.setting, short(x)),
             })
         });
@@ -215,11 +238,14 @@ pub(super) fn pictures(report: &Report, distance: f64, pair: &PicturePair) -> Pl
             points: points.collect(),
         }
     });
+    let mut series: Vec<Series> = series.collect();
+    // Times of a program that stands in for a graphics card are not ranked.
+    mark_front(&mut series, pair.best);
     Plot {
         title: format!("From {distance} radii"),
         x: Axis::log(pair.x_label),
         y: (pair.y_axis)(),
-        series: series.collect(),
+        series,
         guides: Vec::new(),
     }
 }

@@ -37,7 +37,12 @@ pub(super) fn file_curve(
         let start = Instant::now();
         let surface = surface::extract(file, opened, wanted)?;
         let seconds = start.elapsed().as_secs_f64();
-        points.push(file_point(&surface, reference, samples, seconds).context(file.to_owned())?);
+        let mut point =
+            file_point(&surface, reference, samples, seconds).context(file.to_owned())?;
+        if let Wanted::Triangles(most) = wanted {
+            point.asked_triangles = Some(most);
+        }
+        points.push(point);
         tell(points.len() as f64 / most as f64);
         let next = surface.triangles.len() as u64 / STEP;
         if next < coarsest || next == 0 {
@@ -80,6 +85,7 @@ fn point(
 ) -> GeometryPoint {
     GeometryPoint {
         method,
+        asked_triangles: None,
         triangles: triangles as u64,
         bytes: None,
         rms_rel: reference.rel(distances.rms()),
@@ -116,8 +122,9 @@ pub(super) fn levels(
     let images: u64 = appearance.images.iter().map(|i| i.bytes.len() as u64).sum();
     let wanted: Vec<u64> = wanted.collect();
     let mut levels: Vec<Level> = Vec::new();
-    for (done, &wanted) in wanted.iter().enumerate() {
-        tell(done as f64 / wanted.max(1) as f64);
+    let all = wanted.len() as f64;
+    for (done, wanted) in wanted.into_iter().enumerate() {
+        tell(done as f64 / all);
         let last = levels
             .last()
             .map_or(source.triangles.len(), |level| level.mesh.triangles.len());
@@ -140,6 +147,7 @@ pub(super) fn levels(
         let (textured, coloured) = (images > 0, !reference.mesh.colours.is_empty());
         let bytes = images + lods::stored_bytes(&mesh, &frame, textured, coloured)?;
         let point = GeometryPoint {
+            asked_triangles: Some(wanted as u64),
             bytes: Some(bytes),
             seconds: Some(seconds),
             ..point(
@@ -158,6 +166,7 @@ pub(super) fn levels(
 pub(super) fn original(reference: &Reference, bytes: u64) -> GeometryPoint {
     GeometryPoint {
         method: Method::Original,
+        asked_triangles: None,
         triangles: reference.mesh.triangles.len() as u64,
         bytes: Some(bytes),
         rms_rel: 0.0,
@@ -198,6 +207,7 @@ mod tests {
     fn point(triangles: u64, rms_rel: f64, bytes: Option<u64>) -> GeometryPoint {
         GeometryPoint {
             method: Method::Marquetry,
+            asked_triangles: None,
             triangles,
             bytes,
             rms_rel,

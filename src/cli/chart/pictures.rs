@@ -22,8 +22,9 @@ use std::time::{Duration, Instant};
 const THREE_VIEWS: [usize; 3] = [0, 1, 4];
 /// Frames that are timed of each setting where the adapter is no GPU.
 const TIMED_IN_SOFTWARE: usize = 3;
-/// Levels are drawn from a distance where their triangles are within this factor of what the file draws there.
-const NEARBY: f64 = 4.0;
+/// Levels are drawn from a distance where their triangles are within this factor of what the file draws there: each has half as
+/// many as the one before, so those around every point of the file are among them.
+const NEARBY: f64 = 2.1;
 /// Of the pictures; no lit surface has it.
 pub(super) const BACKGROUND: Background = Background([0x20, 0x22, 0x26]);
 
@@ -88,7 +89,8 @@ pub(super) fn points(
         }
         (studio.tell)(f64::from(round) / rounds);
     }
-    for (round, level) in (2 + studio.errors_px.len()..).zip(levels) {
+    let done = 1 + studio.errors_px.len();
+    for (number, level) in levels.iter().enumerate() {
         let buffers = easel.painter.upload(&level.mesh.plain())?;
         for ((distance, cameras), references) in
             studio.distances.iter().zip(&cameras).zip(&references)
@@ -98,12 +100,12 @@ pub(super) fn points(
             }
             let (shots, costs) = easel.meshes(&buffers, cameras)?;
             let method = Method::DiscreteLods;
-            let setting = format!("{} triangles", buffers.triangles());
+            let setting = format!("level {}", number + 1);
             points.extend(point(
                 studio, method, *distance, setting, references, &shots, &costs,
             )?);
         }
-        (studio.tell)(round as f64 / rounds);
+        (studio.tell)((done + number + 1) as f64 / rounds);
     }
     mark_fronts(&mut points, studio.distances);
     Ok(points)

@@ -45,7 +45,7 @@ pub(super) const MEANINGS: [(&str, &str); 9] = [
     ),
 ];
 
-pub(super) const HOW_GEOMETRY: &str = "Marquetry: the uniform cuts of the file, as `marquetry measure --triangles` takes them. Discrete LODs: the input, simplified by meshoptimizer to as many triangles. Both are measured in the same way at the same number of random points and all vertices, from one surface to the other and back; bars are 95% intervals.";
+pub(super) const HOW_GEOMETRY: &str = "Marquetry: the uniform cuts of the file, as marquetry measure --triangles takes them. Discrete LODs: the input, simplified by meshoptimizer to as many triangles. Both are measured in the same way at the same number of random points and all vertices, from one surface to the other and back; bars are 95% intervals.";
 pub(super) const HOW_BYTES: &str = "Marquetry: bytes of the file that are read to draw that cut, coarser levels, texture and index included. Discrete LODs: one level by itself with 16-bit positions and 16-bit normals, compressed by meshoptimizer's codec and zstd, and the input's images where it has any; who shows several levels reads them all. The line is the input as stored.";
 pub(super) const HOW_LARGEST: &str = "Solid: the largest distance found at the same points. Dashed: the bound that the file states of itself, which holds for every point of both surfaces. Other tools guarantee nothing.";
 pub(super) const HOW_EQUAL_COST: &str = "Every row is a setting of Marquetry; discrete LODs are read off their curve at as many triangles, from the same distance. The first columns are means over all views, the last over three at right angles (front, right, top). Cost is counted in triangles, since they are the same on every machine.";
@@ -280,6 +280,7 @@ mod tests {
     fn point(method: Method, triangles: u64, rms_rel: f64) -> GeometryPoint {
         GeometryPoint {
             method,
+            asked_triangles: None,
             triangles,
             bytes: None,
             rms_rel,

@@ -22,7 +22,8 @@ def one_way(source, target, samples, seed):
     faces, weights = pcu.sample_mesh_random(v, f, num_samples=samples, random_seed=seed)
     points = pcu.interpolate_barycentric_coords(f, faces, weights, v)
     distance, nearest, _ = pcu.closest_points_on_mesh(points, w, g)
-    at_vertices, _, _ = pcu.closest_points_on_mesh(v, w, g)
+    # A vertex that no triangle has is no part of the surface.
+    at_vertices, _, _ = pcu.closest_points_on_mesh(v[np.unique(f)], w, g)
     cosine = np.sum(normals(v, f)[faces] * normals(w, g)[nearest], axis=1)
     return {
         "rms": float(np.sqrt(np.mean(distance**2))),

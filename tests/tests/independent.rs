@@ -11,7 +11,7 @@ use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 
-const SAMPLES: u64 = 200_000;
+const SAMPLES: u64 = 400_000;
 /// Largest difference, as a part of what the other found.
 const TOLERANCE: f64 = 0.02;
 

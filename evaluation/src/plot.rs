@@ -18,7 +18,7 @@ const HEIGHT: f64 = 340.0;
 /// Room for labels.
 const LEFT: f64 = 68.0;
 const RIGHT: f64 = 14.0;
-const TOP: f64 = 12.0;
+const TOP: f64 = 24.0;
 const BOTTOM: f64 = 52.0;
 /// A row of the legend.
 const ROW: f64 = 21.0;
@@ -238,20 +238,16 @@ fn draw_guide(svg: &mut String, frame: &Frame<'_>, (x, label): &(f64, String)) {
         return;
     }
     let at = frame.across(*x);
-    // On the side where there is room.
-    let (anchor, shift) = if at > 0.5 * (frame.left + frame.right) {
-        ("end", -4.0)
-    } else {
-        ("start", 4.0)
-    };
+    // Above the frame, so that it hides no point, and within the picture.
+    let half = 0.5 * LETTER * label.chars().count() as f64;
+    let middle = at.min(WIDTH - half).max(half);
     let _ = write!(
         svg,
         "<line class=\"guide\" x1=\"{at:.1}\" y1=\"{:.1}\" x2=\"{at:.1}\" y2=\"{:.1}\"/>\
-         <text x=\"{:.1}\" y=\"{:.1}\" text-anchor=\"{anchor}\">{}</text>",
+         <text x=\"{middle:.1}\" y=\"{:.1}\" text-anchor=\"middle\">{}</text>",
         frame.top,
         frame.bottom,
-        at + shift,
-        frame.top + 15.0,
+        frame.top - 7.0,
         escaped(label)
     );
 }

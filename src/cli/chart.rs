@@ -13,6 +13,7 @@ mod pictures;
 mod quality;
 mod split;
 mod tables;
+mod transitions;
 mod words;
 
 use super::open::{self, Opened};
@@ -22,7 +23,9 @@ use super::reference::Reference;
 use super::{Common, Verdict, args};
 use anyhow::{Context, bail};
 use clap::builder::RangedU64ValueParser;
-use data::{Adapter, FileInfo, GeometryPoint, InputInfo, PicturePoint, Report, Settings};
+use data::{
+    Adapter, FileInfo, GeometryPoint, InputInfo, PicturePoint, Report, Settings, TransitionPoint,
+};
 use folder::PendingFolder;
 use geometry::Level;
 use glam::DVec3;
@@ -75,6 +78,9 @@ pub(super) struct Arguments {
     /// Make no pictures
     #[arg(long)]
     no_pictures: bool,
+    /// Compare ways of changing levels, too, along a camera path
+    #[arg(long, conflicts_with = "no_pictures")]
+    transitions: bool,
     /// RMS errors that the input is converted again with
     #[arg(long, value_name = "E,…", value_delimiter = ',', default_value = "8e-4,4e-4,2e-4,1e-4", value_parser = args::relative, conflicts_with = "no_convert")]
     error_rels: Vec<f64>,
@@ -168,7 +174,7 @@ impl Job<'_> {
         )?;
         self.progress.stage("levels");
         let whole = SplitMesh::new(reference);
-        let wanted: Vec<u64> = points.iter().map(|p| p.triangles).collect();
+        let wanted = geometry::level_sizes(&points);
         let levels = geometry::levels(
             &whole,
             reference,
@@ -181,7 +187,7 @@ impl Job<'_> {
         points.extend(external);
         geometry::mark_fronts(&mut points);
         self.progress.stage("pictures");
-        let pictures = self.pictures(&whole, &levels)?;
+        let (pictures, transitions) = self.pictures(&whole, &levels)?;
         self.progress.stage("conversions");
         let conversions = if arguments.no_convert {
             Vec::new()
@@ -215,6 +221,7 @@ impl Job<'_> {
             equal_cost: equal_cost::compare(&pictures),
             geometry: points,
             pictures,
+            transitions,
             conversions,
             notes: Vec::new(),
             seconds: 0.0,
@@ -224,9 +231,13 @@ impl Job<'_> {
         Ok(report)
     }
 
-    fn pictures(&self, whole: &SplitMesh, levels: &[Level]) -> anyhow::Result<Vec<PicturePoint>> {
+    fn pictures(
+        &self,
+        whole: &SplitMesh,
+        levels: &[Level],
+    ) -> anyhow::Result<(Vec<PicturePoint>, Vec<TransitionPoint>)> {
         let Some(headless) = &self.headless else {
-            return Ok(Vec::new());
+            return Ok((Vec::new(), Vec::new()));
         };
         let textures = split::textures(&self.reference.mesh.appearance)
             .with_context(|| self.arguments.against.display().to_string())?;
@@ -242,8 +253,14 @@ impl Job<'_> {
             errors_px: &self.arguments.error_px,
             tell: &|part| self.progress.fraction(part),
         };
-        pictures::points(&studio, whole, &textures, levels)
-            .with_context(|| self.arguments.file.clone())
+        let failed = || self.arguments.file.clone();
+        let pictures = pictures::points(&studio, whole, &textures, levels).with_context(failed)?;
+        let mut flown = Vec::new();
+        if self.arguments.transitions {
+            self.progress.stage("transitions");
+            flown = transitions::points(&studio, whole, &textures).with_context(failed)?;
+        }
+        Ok((pictures, flown))
     }
 
     fn settings(&self) -> Settings {

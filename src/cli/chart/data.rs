@@ -3,6 +3,7 @@
 //! Lengths that end in `_rel` are parts of the diagonal of the input's bounds.
 
 use marquetry_evaluation::image::OutlineDistance;
+use marquetry_evaluation::popping::Spread;
 use serde::Serialize;
 
 /// The whole report.
@@ -16,6 +17,8 @@ pub(super) struct Report {
     pub(super) geometry: Vec<GeometryPoint>,
     pub(super) pictures: Vec<PicturePoint>,
     pub(super) equal_cost: Option<EqualCost>,
+    /// Empty unless asked for.
+    pub(super) transitions: Vec<TransitionPoint>,
     pub(super) conversions: Vec<ConversionPoint>,
     /// What a reader has to know of these numbers.
     pub(super) notes: Vec<String>,
@@ -205,6 +208,21 @@ pub(super) struct EqualCostPair {
 pub(super) struct Versus {
     pub(super) marquetry: f64,
     pub(super) discrete_lods: f64,
+}
+
+/// One way of changing levels, along one path.
+#[derive(Debug, Clone, Serialize)]
+pub(super) struct TransitionPoint {
+    pub(super) transition: String,
+    /// Number of a standard view.
+    pub(super) view: usize,
+    pub(super) frames: usize,
+    /// Change from frame to frame that the reference does not have.
+    pub(super) temporal: Spread,
+    /// Distance from the reference.
+    pub(super) fidelity: Spread,
+    /// Drawn, mean.
+    pub(super) triangles: f64,
 }
 
 /// A conversion of the input.

@@ -98,6 +98,22 @@ fn point(
     }
 }
 
+/// Triangles of the levels that are compared with cuts of so many, finest first: as many as each, and halves between two that are
+/// farther apart.
+pub(super) fn level_sizes(cuts: &[GeometryPoint]) -> Vec<u64> {
+    let mut sizes: Vec<u64> = Vec::new();
+    for cut in cuts {
+        while let Some(&last) = sizes
+            .last()
+            .filter(|&&last| last / STEP > cut.triangles * 3 / 2)
+        {
+            sizes.push(last / STEP);
+        }
+        sizes.push(cut.triangles);
+    }
+    sizes
+}
+
 /// A level of detail and what is known of it.
 #[derive(Debug)]
 pub(super) struct Level {
@@ -218,6 +234,13 @@ mod tests {
             seconds: None,
             on_front: Fronts::default(),
         }
+    }
+
+    #[test]
+    fn levels_have_no_gaps_where_cuts_have() {
+        let cuts = [4_000, 1_900, 100].map(|triangles| point(triangles, 1e-3, None));
+        assert_eq!(level_sizes(&cuts), [4_000, 1_900, 950, 475, 237, 100]);
+        assert!(level_sizes(&[]).is_empty());
     }
 
     #[test]

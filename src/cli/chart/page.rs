@@ -45,6 +45,7 @@ pub(super) fn page(report: &Report) -> (String, Vec<Drawn>) {
     page.pictures(report);
     page.equal_cost(report);
     page.frame_times(report);
+    page.transitions(report);
     page.conversions(report);
     page.end(report);
     (page.html, page.drawn)
@@ -212,6 +213,20 @@ impl Page {
             let caption = format!("From {distance} bounding-sphere radii ({tag})");
             self.html.push_str(&table.to_html(&caption));
         }
+    }
+
+    fn transitions(&mut self, report: &Report) {
+        let points = &report.transitions;
+        if points.is_empty() {
+            return;
+        }
+        self.heading(
+            "Pictures: while levels change",
+            &words::transitions(points),
+            words::HOW_TRANSITIONS,
+        );
+        let html = tables::transitions(points).to_html("Popping along the path, by view");
+        self.html.push_str(&html);
     }
 
     fn conversions(&mut self, report: &Report) {

@@ -28,6 +28,15 @@ const NEARBY: f64 = 2.1;
 /// Of the pictures; no lit surface has it.
 pub(super) const BACKGROUND: Background = Background([0x20, 0x22, 0x26]);
 
+/// How meshes are drawn: as files are.
+pub(super) fn looks(metadata: &Metadata) -> Looks {
+    Looks {
+        shade: Shade::Lit,
+        background: BACKGROUND,
+        has_colours: metadata.has_colours,
+    }
+}
+
 /// What is drawn, and from where.
 pub(super) struct Studio<'a> {
     pub(super) headless: &'a Headless,
@@ -151,15 +160,10 @@ impl<'a> Easel<'a> {
             transition: Transition::None,
             ..ViewerOptions::default()
         };
-        let looks = Looks {
-            shade: Shade::Lit,
-            background: BACKGROUND,
-            has_colours: metadata.has_colours,
-        };
         let is_software = headless.is_software();
         Ok(Self {
             session: headless.session(&studio.source, options)?,
-            painter: MeshPainter::new(headless, metadata, looks, textures),
+            painter: MeshPainter::new(headless, metadata, looks(metadata), textures),
             size: studio.size,
             timed: if is_software {
                 TIMED_IN_SOFTWARE

@@ -1,6 +1,6 @@
 //! The tables of a report, for those who read tables, and all of it as CSV.
 
-use super::data::{ConversionPoint, GeometryPoint, Method, PicturePoint, Report};
+use super::data::{ConversionPoint, GeometryPoint, Method, PicturePoint, Report, TransitionPoint};
 use super::pictures::same;
 use marquetry_evaluation::plot::escaped;
 use std::fmt::Write;
@@ -195,6 +195,36 @@ pub(super) fn equal_cost(report: &Report) -> Table {
             "difference, 3 views",
         ],
         rows: rows.collect(),
+    }
+}
+
+/// Ways of changing levels, path by path.
+pub(super) fn transitions(points: &[TransitionPoint]) -> Table {
+    let row = |p: &TransitionPoint| {
+        let part = |value: f64| format!("{:.3}", 100.0 * value);
+        vec![
+            p.transition.clone(),
+            p.view.to_string(),
+            part(p.temporal.mean),
+            part(p.temporal.p99),
+            part(p.temporal.max),
+            part(p.fidelity.mean),
+            part(p.fidelity.max),
+            rounded(p.triangles),
+        ]
+    };
+    Table {
+        head: vec![
+            "transition",
+            "view",
+            "popping, mean %",
+            "popping, 99th percentile %",
+            "popping, largest %",
+            "off the reference, mean %",
+            "off the reference, largest %",
+            "triangles",
+        ],
+        rows: points.iter().map(row).collect(),
     }
 }
 

@@ -1,6 +1,8 @@
 //! What a report says in words. Every number in them is computed from its points.
 
-use super::data::{Adapter, ConversionPoint, GeometryPoint, Method, Report, Versus};
+use super::data::{
+    Adapter, ConversionPoint, GeometryPoint, Method, Report, TransitionPoint, Versus,
+};
 use super::page::base_name;
 use super::tables::{count, error};
 use marquetry_evaluation::plot::short;
@@ -49,6 +51,8 @@ pub(super) const HOW_GEOMETRY: &str = "Marquetry: the uniform cuts of the file, 
 pub(super) const HOW_BYTES: &str = "Marquetry: bytes of the file that are read to draw that cut, coarser levels, texture and index included. Discrete LODs: one level by itself with 16-bit positions and 16-bit normals, compressed by meshoptimizer's codec and zstd, and the input's images where it has any; who shows several levels reads them all. The line is the input as stored.";
 pub(super) const HOW_LARGEST: &str = "Solid: the largest distance found at the same points. Dashed: the bound that the file states of itself, which holds for every point of both surfaces. Other tools guarantee nothing.";
 pub(super) const HOW_EQUAL_COST: &str = "Every row is a setting of Marquetry; discrete LODs are read off their curve at as many triangles, from the same distance. The first columns are means over all views, the last over three at right angles (front, right, top). Cost is counted in triangles, since they are the same on every machine.";
+
+pub(super) const HOW_TRANSITIONS: &str = "A camera flies away from the model and back, at 30 frames a second, through all levels; pages are loaded before. Popping is the change from one frame to the next that pictures of the whole input do not have: root mean square over the object's pixels, in percent of full brightness. The distance from the reference, which has been published as popping, is large for whatever is coarse, whether it changes or not.";
 
 /// What is compared with what.
 pub(super) fn introduction(report: &Report) -> Vec<String> {
@@ -240,6 +244,44 @@ pub(super) fn frame_times(adapter: &Adapter) -> (String, &'static str) {
         "Times are of this graphics card and this machine."
     };
     (says.to_owned(), HOW)
+}
+
+/// By transition, in the order of the points: the mean over paths of the 99th percentile of popping, and of triangles.
+fn by_transition(points: &[TransitionPoint]) -> Vec<(&str, f64, f64)> {
+    let mut sums: Vec<(&str, f64, f64, f64)> = Vec::new();
+    for point in points {
+        let known = sums.iter().position(|sum| sum.0 == point.transition);
+        let place = known.unwrap_or_else(|| {
+            sums.push((&point.transition, 0.0, 0.0, 0.0));
+            sums.len() - 1
+        });
+        let sum = &mut sums[place];
+        sum.1 += point.temporal.p99;
+        sum.2 += point.triangles;
+        sum.3 += 1.0;
+    }
+    let mean = |(name, popping, triangles, count)| (name, popping / count, triangles / count);
+    sums.into_iter().map(mean).collect()
+}
+
+/// Which transition pops least, computed.
+pub(super) fn transitions(points: &[TransitionPoint]) -> String {
+    let all = by_transition(points);
+    let Some(best) = all.iter().min_by(|a, b| a.1.total_cmp(&b.1)) else {
+        return String::new();
+    };
+    let each = all.iter().map(|(name, popping, triangles)| {
+        format!(
+            "{name} {:.2}% at {} triangles",
+            100.0 * popping,
+            short(*triangles)
+        )
+    });
+    format!(
+        "For this model, by itself, {} pops least: the 99th percentile of popping is {}.",
+        best.0,
+        each.collect::<Vec<_>>().join(", ")
+    )
 }
 
 pub(super) fn conversions(points: &[ConversionPoint]) -> String {

@@ -264,10 +264,15 @@ fn by_transition(points: &[TransitionPoint]) -> Vec<(&str, f64, f64)> {
     sums.into_iter().map(mean).collect()
 }
 
-/// Which transition pops least, computed.
+/// Transitions that pop by less than this times the least are alike.
+const ALIKE: f64 = 1.02;
+
+/// Which transition to take, computed: of those that pop about as little as any, the one that draws least.
 pub(super) fn transitions(points: &[TransitionPoint]) -> String {
     let all = by_transition(points);
-    let Some(best) = all.iter().min_by(|a, b| a.1.total_cmp(&b.1)) else {
+    let least = all.iter().map(|t| t.1).fold(f64::INFINITY, f64::min);
+    let alike = all.iter().filter(|t| t.1 <= ALIKE * least);
+    let Some(best) = alike.min_by(|a, b| a.2.total_cmp(&b.2)) else {
         return String::new();
     };
     let each = all.iter().map(|(name, popping, triangles)| {
@@ -278,7 +283,8 @@ pub(super) fn transitions(points: &[TransitionPoint]) -> String {
         )
     });
     format!(
-        "For this model, by itself, {} pops least: the 99th percentile of popping is {}.",
+        "For this model, by itself: {}. Of those that pop within 2% as little as any it draws the fewest triangles. The 99th percentile of \
+         popping is {}.",
         best.0,
         each.collect::<Vec<_>>().join(", ")
     )
@@ -318,6 +324,7 @@ pub(super) fn how_conversions(report: &Report) -> String {
 mod tests {
     use super::super::data::Fronts;
     use super::*;
+    use marquetry_evaluation::popping::Spread;
 
     fn point(method: Method, triangles: u64, rms_rel: f64) -> GeometryPoint {
         GeometryPoint {
@@ -333,6 +340,35 @@ mod tests {
             seconds: None,
             on_front: Fronts::default(),
         }
+    }
+
+    #[test]
+    fn the_transition_to_take_pops_little_and_draws_least() {
+        let spread = |p99| Spread {
+            mean: p99,
+            p99,
+            max: p99,
+        };
+        let point = |name: &str, p99, triangles| TransitionPoint {
+            transition: name.to_owned(),
+            view: 0,
+            frames: 10,
+            temporal: spread(p99),
+            fidelity: spread(0.1),
+            triangles,
+        };
+        let points = [
+            point("none", 0.05, 900.0),
+            point("alpha", 0.0300, 1_500.0),
+            point("geomorph", 0.0302, 1_000.0),
+        ];
+        let text = transitions(&points);
+        assert!(
+            text.starts_with("For this model, by itself: geomorph."),
+            "{text}"
+        );
+        assert!(text.contains("alpha 3.00% at 1.5k triangles"), "{text}");
+        assert_eq!(transitions(&[]), "");
     }
 
     #[test]

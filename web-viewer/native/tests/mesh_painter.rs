@@ -96,7 +96,7 @@ fn a_plain_mesh_looks_as_the_file_that_it_was_taken_from() {
     }
 }
 
-/// A square in front of the eye whose left half has one texture and whose right half another, and a third part none.
+/// A square in front of the eye whose left half has a texture and whose right half none.
 #[test]
 fn each_part_shows_its_own_texture() {
     let Some(headless) = headless() else { return };

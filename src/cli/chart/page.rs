@@ -17,7 +17,7 @@ h1{font-size:1.6rem;line-height:1.2;overflow-wrap:anywhere}\
 h2{font-size:1.2rem;margin:2.5rem 0 .5rem;border-top:1px solid var(--rule);padding-top:1rem}\
 h3{font-size:1rem;margin:.5rem 0 .25rem}p,li,dd{max-width:46rem}.how{color:var(--soft);font-size:.9rem}\
 .says{font-weight:600}.pair{display:grid;gap:1rem;align-items:start}.panels{display:grid;gap:1rem;\
-grid-template-columns:repeat(auto-fit,minmax(min(20rem,100%),1fr))}.plot{width:100%;height:auto;display:block}\
+grid-template-columns:repeat(auto-fit,minmax(min(20rem,100%),1fr))}.plot{width:100%;max-width:40rem;height:auto;display:block}\
 figure{margin:0;min-width:0}.table{overflow:auto;max-height:26rem;min-width:0;border:1px solid var(--rule);border-radius:4px}\
 table{border-collapse:collapse;font-size:.8rem;font-variant-numeric:tabular-nums;white-space:nowrap;width:100%}\
 caption{text-align:left;padding:.3rem .6rem;color:var(--soft)}\

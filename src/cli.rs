@@ -4,6 +4,7 @@
 //! becomes exit 1 with a message, whatever thread it was in.
 
 mod args;
+mod chart;
 mod convert;
 mod export;
 mod info;
@@ -12,6 +13,7 @@ mod open;
 mod output;
 mod panics;
 mod progress;
+mod reference;
 mod render;
 mod serve;
 mod surface;
@@ -54,6 +56,7 @@ enum Command {
     Info(info::Arguments),
     Verify(verify::Arguments),
     Measure(measure::Arguments),
+    Chart(chart::Arguments),
     Export(export::Arguments),
     Render(render::Arguments),
     Serve(serve::Arguments),
@@ -108,6 +111,7 @@ fn dispatch(command: Command, common: &Common) -> anyhow::Result<Verdict> {
         Command::Info(arguments) => info::run(&arguments, &output),
         Command::Verify(arguments) => verify::run(&arguments, &output),
         Command::Measure(arguments) => measure::run(&arguments, &output),
+        Command::Chart(arguments) => chart::run(&arguments, common, &output),
         Command::Export(arguments) => export::run(&arguments, &output),
         Command::Render(arguments) => render::run(&arguments, &output),
         Command::Serve(arguments) => serve::run(&arguments, common, &output),
@@ -173,6 +177,12 @@ mod tests {
             "marquetry measure a.marq",
             "marquetry measure a.marq --against b.ply --triangles 5 --bytes 5",
             "marquetry measure a.marq --against b.ply --samples 0",
+            "marquetry chart a.marq --against b.ply",
+            "marquetry chart a.marq -o d",
+            "marquetry chart a.marq --against b.ply -o d --views 27",
+            "marquetry chart a.marq --against b.ply -o d --distances 0",
+            "marquetry chart a.marq --against b.ply -o d --error-px nan",
+            "marquetry chart a.marq --against b.ply -o d --no-convert --error-rels 1e-3",
             "marquetry export a.marq -o a.fbx",
             "marquetry export a.marq -o a.ply --triangles 5 --error-rel 1e-3",
             "marquetry render a.marq -o a.png --view 26",

@@ -99,6 +99,10 @@ pub struct OneWay {
     pub max: f64,
     /// Root of the mean square over the area (samples only: vertices are not spread evenly).
     pub rms: f64,
+    /// Where the RMS over all of the area lies with 95% confidence, as far as it follows from how much the samples'
+    /// squares vary. Wide for few samples. Samples are stratified, so it is rather too wide than too narrow, but rare
+    /// places that no sample hit are not in it.
+    pub rms_interval: [f64; 2],
 }
 
 /// Angles between surface normals at nearest points, in degrees, 0..=180.
@@ -132,6 +136,15 @@ impl Distances {
     /// Symmetric RMS distance: the larger of the two.
     pub fn rms(&self) -> f64 {
         self.forward.rms.max(self.backward.rms)
+    }
+
+    /// The [`OneWay::rms_interval`] of the way that [`Self::rms`] is of.
+    pub fn rms_interval(&self) -> [f64; 2] {
+        if self.forward.rms >= self.backward.rms {
+            self.forward.rms_interval
+        } else {
+            self.backward.rms_interval
+        }
     }
 }
 
@@ -205,9 +218,7 @@ pub fn from_points(points: &[DVec3], mesh: Mesh<'_>) -> Result<OneWay, MeshError
             let mut sums = Sums::default();
             for &point in chunk {
                 if let Some(closest) = tree.closest(point, f64::INFINITY) {
-                    sums.max2 = sums.max2.max(closest.distance2);
-                    sums.sum2 += closest.distance2;
-                    sums.count += 1;
+                    sums.add(closest.distance2);
                 }
             }
             sums
@@ -225,6 +236,7 @@ pub fn from_points(points: &[DVec3], mesh: Mesh<'_>) -> Result<OneWay, MeshError
 struct Sums {
     max2: f64,
     sum2: f64,
+    sum4: f64,
     count: u64,
     angles: Angles,
 }
@@ -239,12 +251,32 @@ impl Sums {
         OneWay {
             max: self.max2.sqrt(),
             rms: mean2.sqrt(),
+            rms_interval: self.interval(mean2),
         }
+    }
+
+    /// Of the RMS, by the normal distribution of the mean square.
+    fn interval(&self, mean2: f64) -> [f64; 2] {
+        if self.count < 2 {
+            return [0.0, self.max2.sqrt()];
+        }
+        let count = self.count as f64;
+        let variance = (self.sum4 / count - mean2 * mean2).max(0.0) * count / (count - 1.0);
+        let reach = 1.96 * (variance / count).sqrt();
+        [(mean2 - reach).max(0.0), mean2 + reach].map(f64::sqrt)
+    }
+
+    fn add(&mut self, distance2: f64) {
+        self.max2 = self.max2.max(distance2);
+        self.sum2 += distance2;
+        self.sum4 += distance2 * distance2;
+        self.count += 1;
     }
 
     fn merge(&mut self, other: &Self) {
         self.max2 = self.max2.max(other.max2);
         self.sum2 += other.sum2;
+        self.sum4 += other.sum4;
         self.count += other.count;
         self.angles.merge(&other.angles);
     }
@@ -344,9 +376,7 @@ fn sampled(from: Mesh<'_>, to: Mesh<'_>, tree: &Bvh, samples: u64) -> Sums {
                 let Some(closest) = near.closest(point) else {
                     return;
                 };
-                sums.max2 = sums.max2.max(closest.distance2);
-                sums.sum2 += closest.distance2;
-                sums.count += 1;
+                sums.add(closest.distance2);
                 let here = normal(from.corners(triangle));
                 let there = normal(to.corners(closest.triangle as usize));
                 if let (Some(here), Some(there)) = (here, there) {

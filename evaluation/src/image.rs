@@ -2,11 +2,21 @@
 //!
 //! Pixels are RGBA, 8 bits a channel, row by row from the top; a mask has one `bool` a pixel.
 
+mod filter;
+mod flip;
 mod mask;
+mod noise;
+mod outline;
 mod ssim;
 
+pub use flip::{PIXELS_PER_DEGREE, REACH, flip, flip_map};
+pub(crate) use mask::same_size;
 pub use mask::{Mask, silhouette};
+pub use noise::{mean_square, psnr_db};
+pub use outline::{OutlineDistance, outline_distance};
 pub use ssim::ssim;
+
+use std::ops::Range;
 
 /// An image or mask that cannot be used.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
@@ -78,6 +88,15 @@ impl<'a> Image<'a> {
     /// Rows.
     pub fn height(&self) -> usize {
         self.height
+    }
+
+    /// The bytes of the pixels in a rectangle of columns and rows.
+    ///
+    /// # Panics
+    /// If the rectangle is not within the image.
+    pub fn cropped(&self, [columns, rows]: [Range<usize>; 2]) -> Vec<u8> {
+        let row = |y: usize| &self.rgba[4 * y * self.width..][4 * columns.start..4 * columns.end];
+        rows.flat_map(row).copied().collect()
     }
 
     /// All pixels.

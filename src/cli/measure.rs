@@ -5,11 +5,10 @@
 //! lower bounds of the true ones; the file's own bound (`info`) is an upper one.
 
 use super::output::{self, Output};
+use super::reference::Reference;
 use super::surface::{self, Wanted};
 use super::{Verdict, open};
 use anyhow::Context;
-use glam::DVec3;
-use marquetry_converter::import;
 use marquetry_evaluation::distance::{self, Mesh, NormalDeviation, OneWay};
 use serde::Serialize;
 use std::path::PathBuf;
@@ -62,36 +61,20 @@ pub(super) fn run(arguments: &Arguments, output: &Output) -> anyhow::Result<Verd
     };
     let opened = open::open_indexed(&arguments.file)?;
     let surface = surface::extract(&arguments.file, &opened, wanted)?;
-    let (mut input, _) = import::import(&arguments.against)?;
-    input.triangles.retain(|triangle| {
-        let corner = |vertex: u32| input.positions.get(vertex as usize);
-        triangle
-            .iter()
-            .all(|&vertex| corner(vertex).is_some_and(|p| p.is_finite()))
-    });
-    let against = Mesh {
-        positions: &input.positions,
-        triangles: &input.triangles,
-    };
+    let input = Reference::load(&arguments.against)?;
     let measured = Mesh {
         positions: &surface.positions,
         triangles: &surface.triangles,
     };
-    let distances = distance::measure(measured, against, arguments.samples).with_context(|| {
-        format!(
-            "{} and {} cannot be compared",
-            arguments.file,
-            arguments.against.display()
-        )
-    })?;
-    let diagonal = diagonal(against);
-    let rel = |length: f64| {
-        if diagonal > 0.0 {
-            length / diagonal
-        } else {
-            0.0
-        }
-    };
+    let distances =
+        distance::measure(measured, input.mesh(), arguments.samples).with_context(|| {
+            format!(
+                "{} and {} cannot be compared",
+                arguments.file,
+                arguments.against.display()
+            )
+        })?;
+    let rel = |length: f64| input.rel(length);
     let one_way = |way: OneWay| OneWayRel {
         max_rel: rel(way.max),
         rms_rel: rel(way.rms),
@@ -110,17 +93,6 @@ pub(super) fn run(arguments: &Arguments, output: &Output) -> anyhow::Result<Verd
     output.say(&describe(&report));
     output.report(&report)?;
     Ok(Verdict::Good)
-}
-
-/// Diagonal of the box around all triangles; vertices that no triangle uses do not count.
-fn diagonal(mesh: Mesh<'_>) -> f64 {
-    let corners = mesh.triangles.iter().flatten();
-    let (min, max) = corners
-        .filter_map(|&vertex| mesh.positions.get(vertex as usize))
-        .fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(min, max), &p| {
-            (min.min(p), max.max(p))
-        });
-    (max - min).length()
 }
 
 fn describe(report: &Report) -> String {

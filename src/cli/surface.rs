@@ -107,6 +107,11 @@ pub(super) fn extract(file: &str, opened: &Opened, wanted: Wanted) -> anyhow::Re
     })
 }
 
+/// Triangles of the coarsest cut of `opened`, whose index is loaded.
+pub(super) fn coarsest_triangles(Opened { document, .. }: &Opened) -> u64 {
+    cut_triangles(document, &Cut::coarsest(document.charts.len()))
+}
+
 /// One level of a file: every chart at one resolution, or at its finest where that is less; clusters as coarse as the
 /// charts' error allows.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]

@@ -34,7 +34,7 @@ usage: cargo xtask COMMAND
   browser       only the browser test, on what is built
   layering      check that the crates know only whom they may
   bless         write the golden files anew from the present code
-  setup-tests   install what tests of the server need: an S3 server and HTTP checkers, from PyPI
+  setup-tests   install what tests need from PyPI: an S3 server, HTTP checkers, another measure of distances
   bench-server [FILE]
                 throughput beside nginx, slow clients, 10 000 idle connections (5 minutes)
   soak [REQUESTS]

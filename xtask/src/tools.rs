@@ -1,4 +1,5 @@
-//! Programs from `PyPI`: an S3 server and checkers of HTTP, which tests of the server talk to, and a spelling checker.
+//! Programs from `PyPI`: an S3 server and checkers of HTTP, which tests of the server talk to, a spelling checker, and distances
+//! between meshes that ours are compared with.
 
 use crate::{process, project::Project};
 use anyhow::Result;
@@ -6,11 +7,12 @@ use std::path::PathBuf;
 use std::process::Command;
 
 /// What is installed, at the versions that the tests were made with.
-const PACKAGES: [&str; 4] = [
+const PACKAGES: [&str; 5] = [
     "moto[server]==5.2.5",
     "h2==4.4.1",
     "redbot==2.7.1",
     "typos==1.52.0",
+    "point-cloud-utils==0.34.0",
 ];
 
 /// Where: tests look there.

@@ -359,3 +359,50 @@ fn points_above_a_triangle_are_as_far_as_they_are_high() {
     };
     assert!(matches!(from_points(&points, empty), Err(MeshError::Empty)));
 }
+
+#[test]
+fn interval_holds_the_rms_and_narrows_with_samples() {
+    let mut noise = Noise(11);
+    let (positions, triangles) = octahedron_sphere(4);
+    let bumpy: Vec<DVec3> = positions
+        .iter()
+        .map(|p| *p * (1.0 + 0.02 * noise.next()))
+        .collect();
+    let smooth = Mesh {
+        positions: &positions,
+        triangles: &triangles,
+    };
+    let bumpy = Mesh {
+        positions: &bumpy,
+        triangles: &triangles,
+    };
+    let truth = measure(bumpy, smooth, 400_000).unwrap().forward.rms;
+    let mut width = f64::INFINITY;
+    for samples in [200, 5_000, 100_000] {
+        let way = measure(bumpy, smooth, samples).unwrap().forward;
+        let [low, high] = way.rms_interval;
+        assert!(low <= way.rms && way.rms <= high);
+        assert!(low <= truth && truth <= high, "{samples} samples");
+        assert!(high - low < 0.5 * width, "{samples} samples");
+        width = high - low;
+    }
+    let one = measure(bumpy, smooth, 1).unwrap().forward;
+    assert!(one.rms_interval[0].abs() < 1e-12 && one.rms_interval[1] >= one.rms);
+}
+
+#[test]
+fn twice_the_samples_change_the_rms_by_less_than_two_percent() {
+    let (positions, triangles) = octahedron_sphere(3);
+    let (fine, fine_triangles) = octahedron_sphere(6);
+    let coarse = Mesh {
+        positions: &positions,
+        triangles: &triangles,
+    };
+    let sphere = Mesh {
+        positions: &fine,
+        triangles: &fine_triangles,
+    };
+    let [once, twice] =
+        [100_000, 200_000].map(|samples| measure(coarse, sphere, samples).unwrap().rms());
+    assert!((once / twice - 1.0).abs() < 0.02, "{once} and {twice}");
+}

@@ -1,6 +1,7 @@
 //! Sets of pixels: silhouettes, their rims, their differences.
 
 use super::{Image, ImageError};
+use std::ops::Range;
 
 /// A set of pixels of an image.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -85,6 +86,51 @@ impl Mask {
         Ok(Self { inside, ..*self })
     }
 
+    /// Pixels in one of the sets.
+    ///
+    /// # Errors
+    /// When the sizes differ.
+    pub fn union(&self, other: &Self) -> Result<Self, ImageError> {
+        same_size((self.width, self.height), (other.width, other.height))?;
+        let pixels = self.inside.iter().zip(&other.inside);
+        let inside = pixels.map(|(&a, &b)| a || b).collect();
+        Ok(Self { inside, ..*self })
+    }
+
+    /// The columns and rows of the smallest rectangle around the set, `margin` pixels wider on every side as far as the
+    /// image goes; `None` for an empty set.
+    pub fn bounds(&self, margin: usize) -> Option<[Range<usize>; 2]> {
+        let places = || (0..self.inside.len()).filter(|&place| self.inside[place]);
+        let grown = |low: usize, high: usize, size: usize| {
+            low.saturating_sub(margin)..(high + 1 + margin).min(size)
+        };
+        let (top, bottom) = (
+            places().next()? / self.width,
+            places().next_back()? / self.width,
+        );
+        let (left, right) = places().fold((usize::MAX, 0), |(left, right), place| {
+            let x = place % self.width;
+            (left.min(x), right.max(x))
+        });
+        Some([
+            grown(left, right, self.width),
+            grown(top, bottom, self.height),
+        ])
+    }
+
+    /// The part of the set in a rectangle of the image, as a set of its own.
+    #[must_use]
+    pub fn cropped(&self, [columns, rows]: [Range<usize>; 2]) -> Self {
+        let inside = rows
+            .clone()
+            .flat_map(|y| &self.inside[y * self.width..][columns.clone()]);
+        Self {
+            width: columns.len(),
+            height: rows.len(),
+            inside: inside.copied().collect(),
+        }
+    }
+
     fn map_neighbourhood(&self, keep: impl Fn(&[bool]) -> bool) -> Self {
         let mut inside = Vec::with_capacity(self.inside.len());
         let mut neighbours = Vec::with_capacity(9);
@@ -116,7 +162,7 @@ pub fn silhouette(image: Image<'_>, background: [u8; 3]) -> Mask {
     }
 }
 
-pub(super) fn same_size(first: (usize, usize), second: (usize, usize)) -> Result<(), ImageError> {
+pub(crate) fn same_size(first: (usize, usize), second: (usize, usize)) -> Result<(), ImageError> {
     if first == second {
         return Ok(());
     }
@@ -160,6 +206,18 @@ mod tests {
         let rgba = [255, 0, 255, 255, 254, 0, 255, 255];
         let mask = silhouette(Image::new(2, 1, &rgba).unwrap(), [255, 0, 255]);
         assert_eq!(mask.as_slice(), [false, true]);
+    }
+
+    #[test]
+    fn bounds_are_the_rectangle_around_the_set() {
+        let mask = square(10, 2, 7);
+        assert_eq!(mask.bounds(0), Some([2..7, 2..7]));
+        assert_eq!(mask.bounds(4), Some([0..10, 0..10]));
+        let part = mask.cropped([1..5, 3..9]);
+        assert_eq!((part.width(), part.height(), part.count()), (4, 6, 3 * 4));
+        assert!(part.contains(1, 0) && !part.contains(0, 0) && !part.contains(1, 4));
+        assert_eq!(Mask::empty(3, 3).bounds(1), None);
+        assert_eq!(mask.union(&square(10, 0, 3)).unwrap().count(), 25 + 9 - 1);
     }
 
     #[test]

@@ -428,7 +428,7 @@ fn instance_buffer(device: &wgpu::Device, bytes: u64) -> wgpu::Buffer {
 }
 
 /// The clear value that ends up as `rgb` in a picture; an sRGB picture is given linear values.
-fn clear_colour(rgb: [u8; 3], is_srgb: bool) -> wgpu::Color {
+pub fn clear_colour(rgb: [u8; 3], is_srgb: bool) -> wgpu::Color {
     let [r, g, b] = rgb.map(|byte| {
         let value = f64::from(byte) / 255.0;
         match (is_srgb, value <= 0.04045) {

@@ -36,6 +36,14 @@ pub enum NativeError {
         /// Most pixels a side.
         most: u32,
     },
+    /// A mesh that does not fit into a buffer of the device.
+    #[error("a mesh takes {size_bytes} bytes in one buffer; the graphics adapter allows {most}")]
+    MeshTooLarge {
+        /// Bytes of its vertices, or of its triangles.
+        size_bytes: u64,
+        /// Most bytes of a buffer.
+        most: u64,
+    },
     /// What the view needs could not be fetched.
     #[error("the view is incomplete, {missing} pages did not come: {}", reasons.join("; "))]
     Incomplete {

@@ -1,14 +1,14 @@
 //! Pictures without a window.
 
 use crate::loader::Loader;
-use crate::{NativeError, Picture};
+use crate::{NativeError, Picture, target};
 use marquetry_engine::{Camera, Renderer, Viewer, ViewerOptions, Viewport, wgpu};
 use marquetry_format::{ByteSource, Document, Limits};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 /// Format of all headless pictures.
-const FORMAT: wgpu::TextureFormat = wgpu::TextureFormat::Rgba8UnormSrgb;
+pub(crate) const FORMAT: wgpu::TextureFormat = wgpu::TextureFormat::Rgba8UnormSrgb;
 /// Time of the model, seconds, between two updates while a view settles. Not time on the clock.
 const SETTLE_STEP: f64 = 0.1;
 /// Failed fetches of one view after which it is given up.
@@ -22,6 +22,7 @@ pub struct Headless {
     device: wgpu::Device,
     queue: wgpu::Queue,
     adapter: String,
+    is_software: bool,
 }
 
 impl Headless {
@@ -37,6 +38,7 @@ impl Headless {
             device,
             queue,
             adapter: adapter_name(&adapter),
+            is_software: adapter.get_info().device_type == wgpu::DeviceType::Cpu,
         })
     }
 
@@ -53,6 +55,22 @@ impl Headless {
     /// The device's queue.
     pub fn queue(&self) -> &wgpu::Queue {
         &self.queue
+    }
+
+    /// Whether the adapter is a program on the processor: its times say nothing of a graphics card's.
+    pub fn is_software(&self) -> bool {
+        self.is_software
+    }
+
+    /// Waits until the GPU has done all that it was given.
+    ///
+    /// # Errors
+    /// [`NativeError::ReadBack`] when the device is lost.
+    pub fn wait(&self) -> Result<(), NativeError> {
+        self.device
+            .poll(wgpu::PollType::wait_indefinitely())
+            .map(|_| ())
+            .map_err(|error| NativeError::ReadBack(error.to_string()))
     }
 
     /// Opens a file to be looked at, with an empty cache.
@@ -176,42 +194,12 @@ impl Session {
     /// [`NativeError::Size`], or when the GPU fails.
     pub fn draw(&mut self, viewport: Viewport) -> Result<Duration, NativeError> {
         let start = Instant::now();
-        let device = &self.headless.device;
-        let most = device.limits().max_texture_dimension_2d;
-        let Viewport { width, height } = viewport;
-        if width == 0 || height == 0 || width > most || height > most {
-            return Err(NativeError::Size {
-                width,
-                height,
-                most,
-            });
-        }
-        let target = match self
-            .target
-            .take()
-            .filter(|t| t.width() == width && t.height() == height)
-        {
-            Some(target) => target,
-            None => device.create_texture(&wgpu::TextureDescriptor {
-                label: Some("picture"),
-                size: wgpu::Extent3d {
-                    width,
-                    height,
-                    depth_or_array_layers: 1,
-                },
-                mip_level_count: 1,
-                sample_count: 1,
-                dimension: wgpu::TextureDimension::D2,
-                format: FORMAT,
-                usage: wgpu::TextureUsages::RENDER_ATTACHMENT | wgpu::TextureUsages::COPY_SRC,
-                view_formats: &[],
-            }),
-        };
+        let target = target::of_size(&self.headless, viewport, self.target.take())?;
         let view = target.create_view(&wgpu::TextureViewDescriptor::default());
         self.renderer.render(&mut self.viewer, &view)?;
         self.target = Some(target);
         let submitted = start.elapsed();
-        self.wait()?;
+        self.headless.wait()?;
         Ok(submitted)
     }
 
@@ -225,66 +213,11 @@ impl Session {
     /// # Errors
     /// [`NativeError::ReadBack`].
     pub fn read_back(&self) -> Result<Picture, NativeError> {
-        let failed = |reason: &str| NativeError::ReadBack(reason.to_owned());
         let target = self
             .target
             .as_ref()
-            .ok_or_else(|| failed("nothing was drawn"))?;
-        let (width, height) = (target.width(), target.height());
-        let row_bytes = 4 * width;
-        let padded = row_bytes.next_multiple_of(wgpu::COPY_BYTES_PER_ROW_ALIGNMENT);
-        let Headless { device, queue, .. } = &self.headless;
-        let buffer = device.create_buffer(&wgpu::BufferDescriptor {
-            label: Some("read back"),
-            size: u64::from(padded) * u64::from(height),
-            usage: wgpu::BufferUsages::COPY_DST | wgpu::BufferUsages::MAP_READ,
-            mapped_at_creation: false,
-        });
-        let mut encoder = device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
-        let layout = wgpu::TexelCopyBufferLayout {
-            offset: 0,
-            bytes_per_row: Some(padded),
-            rows_per_image: Some(height),
-        };
-        encoder.copy_texture_to_buffer(
-            target.as_image_copy(),
-            wgpu::TexelCopyBufferInfo {
-                buffer: &buffer,
-                layout,
-            },
-            target.size(),
-        );
-        queue.submit([encoder.finish()]);
-        let (sender, receiver) = std::sync::mpsc::channel();
-        buffer
-            .slice(..)
-            .map_async(wgpu::MapMode::Read, move |result| {
-                // The receiver waits below until this was sent.
-                let _ = sender.send(result);
-            });
-        self.wait()?;
-        match receiver.recv() {
-            Ok(Ok(())) => {}
-            Ok(Err(error)) => return Err(NativeError::ReadBack(error.to_string())),
-            Err(_) => return Err(failed("the device was lost")),
-        }
-        let mapped = buffer
-            .slice(..)
-            .get_mapped_range()
-            .map_err(|error| NativeError::ReadBack(error.to_string()))?;
-        let rows = usize::try_from(padded)
-            .ok()
-            .zip(usize::try_from(row_bytes).ok());
-        let (padded, row_bytes) = rows.ok_or_else(|| failed("the picture is too large"))?;
-        let mut rgba = Vec::with_capacity(mapped.len());
-        for row in mapped.chunks_exact(padded) {
-            rgba.extend_from_slice(row.get(..row_bytes).unwrap_or(row));
-        }
-        Ok(Picture {
-            width,
-            height,
-            rgba,
-        })
+            .ok_or_else(|| NativeError::ReadBack("nothing was drawn".to_owned()))?;
+        target::read_back(&self.headless, target)
     }
 
     /// Settles, draws and reads back.
@@ -295,13 +228,5 @@ impl Session {
         self.settle(camera, viewport)?;
         self.draw(viewport)?;
         self.read_back()
-    }
-
-    fn wait(&self) -> Result<(), NativeError> {
-        self.headless
-            .device
-            .poll(wgpu::PollType::wait_indefinitely())
-            .map(|_| ())
-            .map_err(|error| NativeError::ReadBack(error.to_string()))
     }
 }

@@ -5,13 +5,16 @@ mod decoders;
 pub mod error;
 pub mod headless;
 mod loader;
+pub mod mesh;
 pub mod path;
 mod picture;
 pub mod render;
 pub mod source;
+mod target;
 pub mod window;
 
 pub use decoders::Decoders;
 pub use error::NativeError;
 pub use headless::{Headless, Session};
+pub use mesh::{MeshPainter, PlainMesh};
 pub use picture::Picture;

@@ -59,6 +59,22 @@ fn encoded(colour: vec3<f32>) -> vec4<f32> {
     return vec4<f32>(colour, 1.0);
 }
 
+// The colour of a surface: `normal` as interpolated, `to_eye` in lattice units.
+fn shaded(albedo: vec3<f32>, normal: vec3<f32>, to_eye: vec3<f32>, is_front: bool) -> vec4<f32> {
+    // Zero where interpolated normals cancel: then the viewer's direction is as good as any.
+    let squared = dot(normal, normal);
+    let outward = select(frame.back.xyz, normal * inverseSqrt(max(squared, 1e-12)), squared > 1e-12);
+    if frame.shade == SHADE_NORMAL {
+        return encoded(linear_from_srgb(0.5 + 0.5 * outward));
+    }
+    if frame.shade == SHADE_UNLIT {
+        return encoded(albedo);
+    }
+    // Open scans are seen from behind, too. A triangle smaller than the lattice's rounding may be turned over while its
+    // surface is not: then the normal knows better.
+    return encoded(lit(albedo, select(-outward, outward, is_front || dot(outward, to_eye) > 0.0)));
+}
+
 @fragment
 fn surface_fragment(in: FromVertex, @builtin(front_facing) is_front: bool) -> @location(0) vec4<f32> {
     let along_x = dpdx(in.uv);
@@ -66,23 +82,11 @@ fn surface_fragment(in: FromVertex, @builtin(front_facing) is_front: bool) -> @l
     if is_cut_away(in.clip.xy, in.to_eye) {
         discard;
     }
-    // Zero where interpolated normals cancel: then the viewer's direction is as good as any.
-    let squared = dot(in.normal, in.normal);
-    let outward = select(frame.back.xyz, in.normal * inverseSqrt(max(squared, 1e-12)), squared > 1e-12);
-    // Open scans are seen from behind, too. A triangle smaller than the lattice's rounding may be turned over while its
-    // surface is not: then the normal knows better.
-    let normal = select(-outward, outward, is_front || dot(outward, in.to_eye) > 0.0);
-    if frame.shade == SHADE_NORMAL {
-        return encoded(linear_from_srgb(0.5 + 0.5 * outward));
-    }
     var albedo = linear_from_srgb(resolution_colour(in.resolution));
     if frame.shade != SHADE_LOD {
         albedo = tile_colour(in.tiles, in.uv, along_x, along_y, in.albedo);
     }
-    if frame.shade == SHADE_UNLIT {
-        return encoded(albedo);
-    }
-    return encoded(lit(albedo, normal));
+    return shaded(albedo, in.normal, in.to_eye, is_front);
 }
 
 @fragment

@@ -40,6 +40,22 @@ impl Room {
     /// Most texels of a triangle.
     pub const MOST_TEXELS: f32 = 8_000.0;
 
+    /// Nodes of a group, about. With images the coarsest texel of a group decides for all of it.
+    fn group(self) -> usize {
+        match self {
+            Self::Plain => 16,
+            Self::Textured => 4,
+        }
+    }
+
+    /// Levels of groups, at most. Images of levels that are only passed by are loaded all the same.
+    fn levels(self) -> usize {
+        match self {
+            Self::Plain => 16,
+            Self::Textured => 2,
+        }
+    }
+
     /// Most texels of the source's images on a leaf: an image of 256² texels has gaps.
     fn texels(self) -> f32 {
         match self {

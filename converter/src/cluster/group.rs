@@ -21,14 +21,10 @@ use meshopt::{VertexDataAdapter, partition_clusters_with_positions, typed_to_byt
 use rayon::prelude::*;
 use std::collections::HashMap;
 
-/// Nodes of a group, about.
-const GROUP: usize = 16;
 /// Nodes that become one, about.
 const REDUCTION: usize = 4;
 /// Triangles of a node that is made, at most; some room is left for parts of different sizes.
 const FULL: usize = 240;
-/// Levels at most.
-const LEVELS: usize = 16;
 
 /// A node that nothing stands for so far.
 struct Node {
@@ -46,11 +42,11 @@ pub(super) fn graph(pieces: Vec<Piece>, colours: bool, room: Room) -> Graph {
             shape: piece.shape,
         })
         .collect();
-    for _ in 0..LEVELS {
+    for _ in 0..room.levels() {
         if front.len() == 1 {
             return graph;
         }
-        let groups = Groups::of(&front);
+        let groups = Groups::of(&front, room.group());
         let coarser: Vec<Option<Coarser>> = groups
             .members
             .par_iter()
@@ -88,7 +84,7 @@ struct Groups {
 const SHARED: u32 = u32::MAX;
 
 impl Groups {
-    fn of(front: &[Node]) -> Self {
+    fn of(front: &[Node], size: usize) -> Self {
         let mut places: HashMap<LatticePoint, u32> = HashMap::new();
         let mut points: Vec<f32> = Vec::new();
         let (mut indices, mut counts) = (Vec::new(), Vec::with_capacity(front.len()));
@@ -112,7 +108,7 @@ impl Groups {
         }
         let mut group_of = vec![0; front.len()];
         if let Ok(vertices) = VertexDataAdapter::new(typed_to_bytes(&points), 12, 0) {
-            partition_clusters_with_positions(&mut group_of, &indices, &counts, &vertices, GROUP);
+            partition_clusters_with_positions(&mut group_of, &indices, &counts, &vertices, size);
         }
         let count = group_of.iter().max().map_or(0, |&last| last as usize + 1);
         let mut members = vec![Vec::new(); count];

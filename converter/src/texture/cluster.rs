@@ -25,12 +25,18 @@ use marquetry_format::writer::ClusterInput;
 use marquetry_format::{ClusterMesh, Lattice};
 use rayon::prelude::*;
 use std::cell::Cell;
-use std::collections::{BTreeMap, HashMap};
+use std::collections::{BTreeMap, HashMap, HashSet};
 use std::sync::Arc;
 use unwrap::{Unwrapped, unwrap};
 
 /// Part of an image that patches cover at best: where a node's texels start from.
 const FULL: f64 = 0.7;
+
+/// Groups that are painted at a time: enough for all threads, few enough for their images to take little memory.
+const GROUPS: usize = 32;
+
+/// Texels along a length of a node for each of the finest of its children, at most: a node has about the area of four.
+const COARSER: f64 = 0.5;
 
 /// What the textures of a tree are made with.
 #[expect(missing_debug_implementations, reason = "it holds a function")]
@@ -73,10 +79,7 @@ pub fn paint(nodes: &mut [ClusterInput], canvas: &Canvas<'_>) -> Result<(), Text
             members.entry(first).or_default().push(number);
         }
     }
-    let Some(root) = nodes.first() else {
-        return Ok(());
-    };
-    let first = root.children.first().copied();
+    let order = children_first(nodes);
     let mut painting = Painting {
         brush: Brush {
             canvas,
@@ -87,9 +90,39 @@ pub fn paint(nodes: &mut [ClusterInput], canvas: &Canvas<'_>) -> Result<(), Text
         members,
         done: 0,
     };
-    match first {
-        Some(first) => painting.group(first),
-        None => painting.leaves(&[0]),
+    if order.is_empty() {
+        return painting.leaves(&[0]);
+    }
+    order
+        .chunks(GROUPS)
+        .try_for_each(|groups| painting.groups(groups))
+}
+
+/// The first children of all groups, depth first, those below before those above.
+fn children_first(nodes: &[ClusterInput]) -> Vec<u32> {
+    let first = |k: u32| nodes.get(k as usize)?.children.first().copied();
+    let mut order = Vec::new();
+    let mut is_known = HashSet::new();
+    // Groups, and how many of their children have been looked at.
+    let mut stack: Vec<(u32, Vec<u32>)> = Vec::new();
+    let mut next = Some(0);
+    loop {
+        if let Some(node) = next.take()
+            && let Some(group) = first(node)
+            && is_known.insert(group)
+        {
+            let mut left = nodes[node as usize].children.clone();
+            left.reverse();
+            stack.push((group, left));
+        }
+        let Some((group, left)) = stack.last_mut() else {
+            return order;
+        };
+        next = left.pop();
+        if next.is_none() {
+            order.push(*group);
+            stack.pop();
+        }
     }
 }
 
@@ -105,36 +138,60 @@ struct Painting<'a> {
 }
 
 impl Painting<'_> {
-    /// Paints the nodes whose children begin with `first`, and all below them, depth first: few images are kept at a time.
-    fn group(&mut self, first: u32) -> Result<(), TextureError> {
-        // Done where there is none: a group is the child of several.
-        let Some(members) = self.members.remove(&first) else {
-            return Ok(());
-        };
-        let children = members
-            .first()
-            .map(|&member| self.nodes[member].children.clone());
-        let children = children.unwrap_or_default();
-        let mut leaves = Vec::new();
-        for &child in &children {
-            match self.nodes[child as usize].children.first().copied() {
-                Some(first) => self.group(first)?,
-                None => leaves.push(child as usize),
+    /// Paints groups, and the leaves among their children; the groups among these come before them.
+    fn groups(&mut self, groups: &[u32]) -> Result<(), TextureError> {
+        let mut left: Vec<(Vec<usize>, Vec<u32>)> = groups
+            .iter()
+            .filter_map(|first| {
+                let members = self.members.remove(first)?;
+                let children = self.nodes.get(*members.first()?)?.children.clone();
+                Some((members, children))
+            })
+            .collect();
+        let children = left.iter().flat_map(|(_, children)| children);
+        let leaves = children.map(|&child| child as usize);
+        let leaves: Vec<usize> = leaves
+            .filter(|&child| self.nodes[child].children.is_empty())
+            .collect();
+        self.leaves(&leaves)?;
+        while !left.is_empty() {
+            let is_ready = |children: &[u32]| {
+                children
+                    .iter()
+                    .all(|&child| self.painted[child as usize].is_some())
+            };
+            let (ready, others): (Vec<_>, Vec<_>) = left
+                .into_iter()
+                .partition(|(_, children)| is_ready(children));
+            left = others;
+            if ready.is_empty() {
+                // Not in the order that was asked for.
+                return Ok(());
+            }
+            let below: Vec<Vec<Painted>> = ready
+                .iter()
+                .map(|(_, children)| {
+                    let children = children.iter();
+                    children
+                        .filter_map(|&child| self.painted[child as usize].take())
+                        .collect()
+                })
+                .collect();
+            let (brush, nodes) = (&self.brush, &*self.nodes);
+            let painted = ready
+                .par_iter()
+                .zip(&below)
+                .map(|((members, _), below)| {
+                    let below = Below::new(below);
+                    let inner = |&member: &usize| brush.inner(&nodes[member], below.as_ref());
+                    members.par_iter().map(inner).collect()
+                })
+                .collect::<Result<Vec<Vec<_>>, _>>()?;
+            for ((members, children), painted) in ready.iter().zip(painted) {
+                self.keep(members, painted);
+                self.agree(members, children);
             }
         }
-        self.leaves(&leaves)?;
-        let below: Vec<Painted> = children
-            .iter()
-            .filter_map(|&child| self.painted[child as usize].take())
-            .collect();
-        let below = Below::new(&below);
-        let (brush, nodes) = (&self.brush, &*self.nodes);
-        let painted = members
-            .par_iter()
-            .map(|&member| brush.inner(&nodes[member], below.as_ref()))
-            .collect::<Result<Vec<_>, _>>()?;
-        self.keep(&members, painted);
-        self.agree(&members, &children);
         Ok(())
     }
 
@@ -248,7 +305,9 @@ impl Brush<'_> {
         }
         let area: f64 = painted.triangles.iter().map(|t| painted.area(t)).sum();
         let texels = FULL * f64::from(MAX_TEXTURE_TEXELS).powi(2);
-        let scale = (texels / area.max(f64::MIN_POSITIVE)).sqrt().min(finest);
+        let scale = (texels / area.max(f64::MIN_POSITIVE))
+            .sqrt()
+            .min(COARSER * finest);
         if let Some(mesh) = unwrap(&painted.positions, &painted.triangles, scale) {
             let last = Cell::new(None);
             let image = bake(

@@ -2,30 +2,33 @@
 
 mod charts;
 mod error;
+mod frame;
+mod measure;
 mod stages;
 
 pub use error::ConvertError;
 
-use crate::atlas::survey::MAX_OVER_TARGET;
 use crate::atlas::{build, quantize};
 use crate::cluster::{self, Room, select::Selection};
 use crate::import::{self, ImportReport};
 use crate::memory;
 use crate::mesh::account::Account;
-use crate::mesh::decimate::{self, Decimated, Goal};
+use crate::mesh::decimate::{self, Goal};
 use crate::mesh::{self, ImportedMesh, ManifoldMesh};
 use crate::output::PendingFile;
 use crate::process;
-use crate::report::{ErrorReport, FitReport, InputReport, Lost, Merged, OutputReport, Report};
+use crate::report::{FitReport, InputReport, Lost, Merged, OutputReport, Report};
 use crate::texture::build::TextureError;
 use crate::texture::stage::{TextureReport, Textures};
 use charts::Charts;
+use frame::{Frame, bounds};
 use glam::DVec3;
 use marquetry_evaluation::distance;
 use marquetry_format::reader::Document;
 use marquetry_format::source::FileSource;
 use marquetry_format::writer::ColourInput;
-use marquetry_format::{ColourIndex, ContentKind, Lattice, Limits, Metadata, writer};
+use marquetry_format::{ColourIndex, ContentKind, Limits, Metadata, writer};
+use measure::TRIM_AIM;
 use stages::Stages;
 use std::io::Write;
 use std::path::Path;
@@ -121,64 +124,6 @@ pub fn convert(
         }
         .run()
     })
-}
-
-/// Part of the target that clusters are made for.
-const TRIM_AIM: f64 = 0.95;
-/// At least so much closer clusters are made that turn out too coarse.
-const TRIM_STEP: f64 = 0.9;
-
-/// Samples of the measurement of the written file, each way, beside all vertices.
-const MEASURED_SAMPLES: u64 = 100_000;
-
-/// Where a surface lies, and how well it is to be shown.
-struct Frame {
-    min: DVec3,
-    max: DVec3,
-    /// Of the bounds.
-    diagonal: f64,
-    /// RMS error wanted, as a length; without what decimation took of it.
-    target: f64,
-    lattice: Lattice,
-    has_colours: bool,
-    /// How the surface came from the import.
-    decimated: Decimated,
-}
-
-impl Frame {
-    fn of(mesh: &ManifoldMesh, error_rel: f64, has_colours: bool, decimated: Decimated) -> Self {
-        let (min, max) = bounds(&mesh.positions);
-        let diagonal = (max - min).length();
-        // Squares of what decimation and sampling do add up where they have nothing to do with each other; a bit more is left for
-        // where they do.
-        let target = (error_rel * diagonal).powi(2) - 2.0 * decimated.rms.powi(2);
-        let target = target.max(0.0).sqrt();
-        Self {
-            min,
-            max,
-            diagonal,
-            target,
-            // Decimation does not ask for more bits.
-            lattice: quantize::lattice(min, max, error_rel * diagonal),
-            has_colours,
-            decimated,
-        }
-    }
-}
-
-impl Frame {
-    /// RMS error that leaves of clusters may have, a length, where `aim` is the part of the target that they are to keep: rounding to the
-    /// lattice takes some of it.
-    fn trimmed_rms(&self, aim: f64) -> f64 {
-        let unit = self.lattice.step * f64::from(1u32 << self.lattice.shift);
-        let rounding = unit.powi(2) / 12.0;
-        ((aim * self.target).powi(2) - rounding).max(0.0).sqrt()
-    }
-
-    /// Bound of the distance that leaves of clusters may have, a length.
-    fn most_distance(&self) -> f64 {
-        MAX_OVER_TARGET * self.target + self.decimated.bound
-    }
 }
 
 /// An import, ready to be converted.
@@ -467,87 +412,6 @@ impl Conversion<'_> {
         }
     }
 
-    /// Measures the surface that will be written, with more in its clusters where too much was left out, and refuses it above the target.
-    fn measured(
-        &self,
-        source: distance::Mesh<'_>,
-        gone: &[DVec3],
-        atlas: &build::Atlas,
-        mut clusters: Option<&mut cluster::Layer>,
-        frame: &Frame,
-    ) -> Result<ErrorReport, ConvertError> {
-        let mut aim = TRIM_AIM;
-        loop {
-            let error = self.measure(source, gone, atlas, clusters.as_deref(), frame)?;
-            match clusters.as_deref_mut() {
-                Some(layer) if error.rms_rel > error.target_rel && layer.is_trimmed() => {
-                    aim *= (error.target_rel / error.rms_rel).min(TRIM_STEP);
-                    layer.trim(frame.trimmed_rms(aim), frame.most_distance());
-                }
-                _ => {
-                    self.judge(&error)?;
-                    return Ok(error);
-                }
-            }
-        }
-    }
-
-    /// Measures the surface that will be written. Vertices of the source that are `gone` from the mesh to measure against are measured
-    /// by themselves.
-    fn measure(
-        &self,
-        source: distance::Mesh<'_>,
-        gone: &[DVec3],
-        atlas: &build::Atlas,
-        clusters: Option<&cluster::Layer>,
-        frame: &Frame,
-    ) -> Result<ErrorReport, ConvertError> {
-        let (mut positions, mut triangles) =
-            quantize::finest_surface(&atlas.charts, &frame.lattice);
-        let mut bound = atlas.max_error;
-        if let Some(layer) = clusters {
-            cluster::append_finest(&layer.nodes, &frame.lattice, &mut positions, &mut triangles);
-            bound = bound.max(layer.max_error);
-        }
-        let surface = distance::Mesh {
-            positions: &positions,
-            triangles: &triangles,
-        };
-        let unmeasured = |source| ConvertError::Measure {
-            path: self.input.to_owned(),
-            source,
-        };
-        let measured = distance::measure(surface, source, MEASURED_SAMPLES).map_err(unmeasured)?;
-        let of_gone = distance::from_points(gone, surface).map_err(unmeasured)?;
-        let hausdorff = measured.hausdorff().max(of_gone.max);
-        let relative = |length: f64| {
-            if frame.diagonal > 0.0 {
-                length / frame.diagonal
-            } else {
-                0.0
-            }
-        };
-        Ok(ErrorReport {
-            target_rel: self.options.error_rel,
-            // The bound holds for real numbers; rounding must not let it fall below what was seen.
-            max_rel: relative(hausdorff.max(bound)),
-            rms_rel: relative(measured.rms().max(of_gone.rms)),
-            hausdorff_rel: relative(hausdorff),
-        })
-    }
-
-    /// Refuses an error above the target.
-    fn judge(&self, error: &ErrorReport) -> Result<(), ConvertError> {
-        if error.rms_rel > error.target_rel && !self.options.allow_worse {
-            return Err(ConvertError::AboveTarget {
-                path: self.input.to_owned(),
-                reached: error.rms_rel,
-                target: error.target_rel,
-            });
-        }
-        Ok(())
-    }
-
     /// Begins a stage, if the last one left memory for it.
     fn begin(&mut self, stage: &'static str) -> Result<(), ConvertError> {
         let (used, allowed) = (process::peak_rss_bytes(), self.options.memory_bytes);
@@ -629,12 +493,4 @@ impl Conversion<'_> {
             clusters: clusters.map(|layer| layer.summary).unwrap_or_default(),
         })
     }
-}
-
-fn bounds(positions: &[DVec3]) -> (DVec3, DVec3) {
-    positions
-        .iter()
-        .fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(min, max), &p| {
-            (min.min(p), max.max(p))
-        })
 }

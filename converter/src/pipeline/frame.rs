@@ -1,0 +1,70 @@
+//! Where a surface lies, and how well it is to be shown.
+
+use crate::atlas::quantize;
+use crate::atlas::survey::MAX_OVER_TARGET;
+use crate::mesh::ManifoldMesh;
+use crate::mesh::decimate::Decimated;
+use glam::DVec3;
+use marquetry_format::Lattice;
+
+/// Where a surface lies, and how well it is to be shown.
+pub(super) struct Frame {
+    pub(super) min: DVec3,
+    pub(super) max: DVec3,
+    /// Of the bounds.
+    pub(super) diagonal: f64,
+    /// RMS error wanted, as a length; without what decimation took of it.
+    pub(super) target: f64,
+    pub(super) lattice: Lattice,
+    pub(super) has_colours: bool,
+    /// How the surface came from the import.
+    pub(super) decimated: Decimated,
+}
+
+impl Frame {
+    pub(super) fn of(
+        mesh: &ManifoldMesh,
+        error_rel: f64,
+        has_colours: bool,
+        decimated: Decimated,
+    ) -> Self {
+        let (min, max) = bounds(&mesh.positions);
+        let diagonal = (max - min).length();
+        // Squares of what decimation and sampling do add up where they have nothing to do with each other; a bit more is left for
+        // where they do.
+        let target = (error_rel * diagonal).powi(2) - 2.0 * decimated.rms.powi(2);
+        let target = target.max(0.0).sqrt();
+        Self {
+            min,
+            max,
+            diagonal,
+            target,
+            // Decimation does not ask for more bits.
+            lattice: quantize::lattice(min, max, error_rel * diagonal),
+            has_colours,
+            decimated,
+        }
+    }
+
+    /// RMS error that leaves of clusters may have, a length, where `aim` is the part of the target that they are to keep: rounding to the
+    /// lattice takes some of it.
+    pub(super) fn trimmed_rms(&self, aim: f64) -> f64 {
+        let unit = self.lattice.step * f64::from(1u32 << self.lattice.shift);
+        let rounding = unit.powi(2) / 12.0;
+        ((aim * self.target).powi(2) - rounding).max(0.0).sqrt()
+    }
+
+    /// Bound of the distance that leaves of clusters may have, a length.
+    pub(super) fn most_distance(&self) -> f64 {
+        MAX_OVER_TARGET * self.target + self.decimated.bound
+    }
+}
+
+/// Least and greatest coordinates.
+pub(super) fn bounds(positions: &[DVec3]) -> (DVec3, DVec3) {
+    positions
+        .iter()
+        .fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(min, max), &p| {
+            (min.min(p), max.max(p))
+        })
+}

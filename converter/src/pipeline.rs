@@ -52,6 +52,9 @@ pub struct Options {
     pub error_rel: f64,
     /// Write the file even where the target is missed.
     pub allow_worse: bool,
+    /// Whether to make charts of what is fit for them. Without, all components of at most 8 million triangles are clusters of their own triangles,
+    /// simplified within the target unless there are colours or images.
+    pub charts: bool,
     /// Which axis points up.
     pub up: Up,
     /// Ceiling of working memory in bytes; what needs more is refused ([`crate::memory`]).
@@ -70,6 +73,7 @@ impl Default for Options {
         Self {
             error_rel: 1e-4,
             allow_worse: false,
+            charts: true,
             up: Up::Y,
             memory_bytes: 4 << 30,
             threads: None,
@@ -133,8 +137,8 @@ struct Prepared {
     frame: Frame,
     /// Some of the vertices that decimation took away.
     gone: Vec<DVec3>,
-    /// Whether there is no use in trying charts.
-    is_torn: bool,
+    /// Whether charts are of no use, or not wanted.
+    without_charts: bool,
 }
 
 struct Conversion<'a> {
@@ -178,10 +182,10 @@ impl Conversion<'_> {
             account,
             frame,
             gone,
-            is_torn,
+            without_charts,
         } = self.prepare(imported, &textures)?;
         let mut selection = cluster::select::select(mesh);
-        if is_torn && selection.can_take_all() {
+        if without_charts && selection.can_take_all() {
             selection.take_all(usize::MAX);
         }
         let most_samples = if selection.can_take_all() {
@@ -321,13 +325,13 @@ impl Conversion<'_> {
         let has_colours = !imported.colours.is_empty();
         self.begin("weld")?;
         let (mut welded, mut account) = mesh::weld(imported).map_err(|e| e.in_file(self.input))?;
-        let (mut gone, mut is_torn) = (Vec::new(), false);
+        let (mut gone, mut without_charts) = (Vec::new(), !self.options.charts);
         let most = self.options.decimate_above;
         if !has_colours && !textures.has_images() {
             let (min, max) = bounds(&welded.positions);
             let target = self.options.error_rel * (max - min).length();
-            is_torn = decimate::is_torn(&welded);
-            let goal = if is_torn {
+            without_charts = without_charts || decimate::is_torn(&welded);
+            let goal = if without_charts {
                 Some(Goal::for_clusters(target))
             } else {
                 (welded.triangles.len() > most).then(|| Goal::for_charts(target, most / 2))
@@ -350,7 +354,7 @@ impl Conversion<'_> {
             account,
             frame,
             gone,
-            is_torn,
+            without_charts,
         })
     }
 

@@ -35,6 +35,10 @@ pub(super) struct Arguments {
     /// Write the file even if its error is above the target
     #[arg(long)]
     allow_worse: bool,
+    /// Simplify triangles within the target and keep them, without charts: most often fewer triangles and bytes for the same error; levels
+    /// change at once, without morphing
+    #[arg(long)]
+    no_charts: bool,
 }
 
 /// Kinds of content.
@@ -73,6 +77,7 @@ pub(super) fn run(
     let options = Options {
         error_rel: arguments.error_rel,
         allow_worse: arguments.allow_worse,
+        charts: !arguments.no_charts,
         up: match arguments.up {
             Axis::X => Up::X,
             Axis::Y => Up::Y,

@@ -9,7 +9,7 @@ use marquetry_native::Headless;
 use marquetry_tests::meshes::{Model, sphere};
 use marquetry_tests::raster::AROUND_FOUR_SAMPLES;
 use marquetry_tests::stage::{MAGENTA, Stage, holes, unit};
-use marquetry_tests::{Converted, arguments, convert, marquetry, ply};
+use marquetry_tests::{Converted, arguments, convert, data, marquetry, ply};
 use serde_json::Value;
 use std::path::Path;
 use std::sync::Arc;
@@ -114,6 +114,34 @@ fn cubes_alone_need_no_chart() {
         .succeeded()
         .unwrap();
     assert_eq!(ply::read(&exported).unwrap().triangles.len(), 9600);
+    assert_no_holes(&converted.path, 40);
+}
+
+#[test]
+fn a_scan_without_charts_is_closed_and_takes_less() {
+    let input = data::find("armadillo_86k.obj.gz").unwrap();
+    let with_charts = convert(&input, &[]).unwrap().report["output"].clone();
+    let converted = convert(&input, &["--no-charts"]).unwrap();
+    let output = &converted.report["output"];
+    assert_eq!(output["charts"], 0);
+    let bytes = output["bytes"].as_u64().unwrap();
+    assert!(
+        10 * bytes < 9 * with_charts["bytes"].as_u64().unwrap(),
+        "{bytes}"
+    );
+    assert_eq!(report("verify", &converted.path, &[])["ok"], true);
+
+    let count = 8600.to_string();
+    let against = arguments!["--against", &input, "--samples", "50000"];
+    let against: Vec<&std::ffi::OsStr> = against.iter().map(AsRef::as_ref).collect();
+    let measured = report("measure", &converted.path, &against);
+    assert!(measured["rms_rel"].as_f64().unwrap() <= 1e-4);
+    let tenth = ["--triangles", &count].map(std::ffi::OsStr::new);
+    let measured = report("measure", &converted.path, &[&against[..], &tenth].concat());
+    assert!(measured["triangles"].as_u64().unwrap() <= 8600);
+    assert!(measured["rms_rel"].as_f64().unwrap() <= 1.2e-3);
+    let bound = measured["bound_rel"].as_f64().unwrap();
+    assert!(measured["hausdorff_rel"].as_f64().unwrap() <= bound);
     assert_no_holes(&converted.path, 40);
 }
 

@@ -31,7 +31,7 @@ fn python() -> PathBuf {
 }
 
 fn as_json(model: &Model) -> Value {
-    let positions: Vec<[f64; 3]> = model.positions.iter().map(|p| p.to_array()).collect();
+    let positions: Vec<[f64; 3]> = model.positions.iter().map(glam::DVec3::to_array).collect();
     json!({ "positions": positions, "triangles": model.triangles })
 }
 

@@ -18,8 +18,6 @@ pub(super) struct Group {
     pub(super) children: Vec<u32>,
     /// Integral of the squared distance between them over the children's area, lattice units to the fourth power.
     pub(super) squares: f64,
-    /// Bound of the distance between the members and the source, lattice units.
-    pub(super) error: f64,
 }
 
 /// How far a mesh is from those that it stands for.
@@ -71,7 +69,8 @@ impl Graph {
         distance: f64,
         colours: bool,
     ) -> u32 {
-        let error = self.error_above(&children, distance);
+        let errors = children.iter().map(|&child| self.node(child).error);
+        let error = upwards(f64::from(errors.fold(0.0, f32::max)) + distance);
         self.push(shape, error, children, colours)
     }
 
@@ -89,14 +88,8 @@ impl Graph {
             members: members.clone(),
             children: children.to_vec(),
             squares: distance.squares,
-            error: f64::from(self.error_above(children, distance.bound)),
         });
         members
-    }
-
-    fn error_above(&self, children: &[u32], distance: f64) -> f32 {
-        let errors = children.iter().map(|&child| self.node(child).error);
-        upwards(f64::from(errors.fold(0.0, f32::max)) + distance)
     }
 
     fn push(&mut self, shape: &Shape, error: f32, children: Vec<u32>, colours: bool) -> u32 {
@@ -140,9 +133,6 @@ impl Graph {
     pub(super) fn add_error(&mut self, distance: f64) {
         for node in &mut self.nodes {
             node.error = upwards(f64::from(node.error) + distance);
-        }
-        for group in &mut self.groups {
-            group.error += distance;
         }
     }
 

@@ -1,6 +1,6 @@
 //! Components that do not fit a leaf.
 //!
-//! Such a component is halved until its parts fit leaves. From there on up about 16 neighbouring nodes at a time, a *group*, become
+//! Such a component is divided until its parts fit leaves. From there on up about 16 neighbouring nodes at a time ([`Room`]), a *group*, become
 //! about four, with the vertices that others share held where they are, so that whatever is drawn of the others fits without a crack.
 //! The nodes of the next level are grouped anew, across the borders that were held below, so these are coarser one level up: no level
 //! keeps what another needed. Nodes of one group are replaced together, by the same children; where they are in different groups above,

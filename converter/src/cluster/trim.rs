@@ -62,7 +62,10 @@ fn chosen(graph: &Graph, most: f64, distance: f64) -> Chosen {
         .collect();
     for group in graph.groups() {
         let of_leaves = group.children.iter().all(|&id| !has_children[id as usize]);
-        if !of_leaves || price(graph, group) > most || group.error > distance {
+        // That of all members.
+        let error = group.members.first().map(|&id| graph.node(id).error);
+        let is_far = error.is_none_or(|error| f64::from(error) > distance);
+        if !of_leaves || price(graph, group) > most || is_far {
             continue;
         }
         chosen.squares += group.squares;

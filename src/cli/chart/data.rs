@@ -120,6 +120,26 @@ pub(super) struct GeometryPoint {
     pub(super) on_front: Fronts,
 }
 
+#[cfg(test)]
+impl GeometryPoint {
+    /// One of which nothing else is known.
+    pub(super) fn bare(method: Method, triangles: u64, rms_rel: f64) -> Self {
+        Self {
+            method,
+            asked_triangles: None,
+            triangles,
+            bytes: None,
+            rms_rel,
+            rms_interval_rel: None,
+            hausdorff_rel: None,
+            bound_rel: None,
+            normal_deviation_deg: None,
+            seconds: None,
+            on_front: Fronts::default(),
+        }
+    }
+}
+
 /// A mean over views.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub(super) struct Estimate {

@@ -222,17 +222,8 @@ mod tests {
 
     fn point(triangles: u64, rms_rel: f64, bytes: Option<u64>) -> GeometryPoint {
         GeometryPoint {
-            method: Method::Marquetry,
-            asked_triangles: None,
-            triangles,
             bytes,
-            rms_rel,
-            rms_interval_rel: None,
-            hausdorff_rel: None,
-            bound_rel: None,
-            normal_deviation_deg: None,
-            seconds: None,
-            on_front: Fronts::default(),
+            ..GeometryPoint::bare(Method::Marquetry, triangles, rms_rel)
         }
     }
 

@@ -322,25 +322,8 @@ pub(super) fn how_conversions(report: &Report) -> String {
 
 #[cfg(test)]
 mod tests {
-    use super::super::data::Fronts;
     use super::*;
     use marquetry_evaluation::popping::Spread;
-
-    fn point(method: Method, triangles: u64, rms_rel: f64) -> GeometryPoint {
-        GeometryPoint {
-            method,
-            asked_triangles: None,
-            triangles,
-            bytes: None,
-            rms_rel,
-            rms_interval_rel: None,
-            hausdorff_rel: None,
-            bound_rel: None,
-            normal_deviation_deg: None,
-            seconds: None,
-            on_front: Fronts::default(),
-        }
-    }
 
     #[test]
     fn the_transition_to_take_pops_little_and_draws_least() {
@@ -374,12 +357,12 @@ mod tests {
     #[test]
     fn ratios_are_taken_at_equal_cost_and_only_there() {
         let points = [
-            point(Method::DiscreteLods, 100, 1e-2),
-            point(Method::DiscreteLods, 10_000, 1e-4),
-            point(Method::Marquetry, 1_000, 2e-3),
-            point(Method::Marquetry, 100, 1e-2),
-            point(Method::Marquetry, 50, 1.0),
-            point(Method::Marquetry, 20_000, 1.0),
+            GeometryPoint::bare(Method::DiscreteLods, 100, 1e-2),
+            GeometryPoint::bare(Method::DiscreteLods, 10_000, 1e-4),
+            GeometryPoint::bare(Method::Marquetry, 1_000, 2e-3),
+            GeometryPoint::bare(Method::Marquetry, 100, 1e-2),
+            GeometryPoint::bare(Method::Marquetry, 50, 1.0),
+            GeometryPoint::bare(Method::Marquetry, 20_000, 1.0),
         ];
         let (mean, least, largest, count) = ratios(&points, |p| Some(p.triangles as f64)).unwrap();
         assert_eq!(count, 2);

@@ -9,7 +9,9 @@ mod message;
 pub use message::run_message;
 
 use crate::colour::upload::{LightTables, Mip, mips};
-use marquetry_format::{DecodedPage, ImageTask, PageTask};
+use crate::lod::cluster::target::{GroupSurface, Targets};
+use marquetry_format::{ClusterMesh, DecodedPage, ImageTask, PageSamples, PageTask};
+use std::sync::Arc;
 
 /// Where a viewer's pages and images are decoded.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -43,8 +45,15 @@ pub struct DecodeJob {
 
 #[derive(Debug, Clone)]
 pub(crate) enum Work {
-    Page(PageTask),
+    Page(PageWork),
     Image(ImageWork),
+}
+
+/// A page; for a cluster's, the surface that its group takes the place of.
+#[derive(Debug, Clone)]
+pub(crate) struct PageWork {
+    pub(crate) task: PageTask,
+    pub(crate) above: Option<Arc<GroupSurface>>,
 }
 
 /// An image, and how it is wanted.
@@ -66,7 +75,8 @@ pub struct DecodeResult {
 
 #[derive(Debug)]
 pub(crate) enum Decoded {
-    Page(DecodedPage),
+    Samples(PageSamples),
+    Cluster(ClusterMesh, Targets),
     Image(Vec<Mip>),
 }
 
@@ -79,7 +89,7 @@ impl DecodeJob {
     /// Decodes.
     pub fn run(&self) -> DecodeResult {
         let decoded = match &self.work {
-            Work::Page(task) => task.decode().map(Decoded::Page),
+            Work::Page(work) => work.run(),
             Work::Image(work) => work.run().map(Decoded::Image),
         };
         DecodeResult {
@@ -95,6 +105,19 @@ impl DecodeJob {
             id: self.id,
             decoded: Err(reason),
         }
+    }
+}
+
+impl PageWork {
+    fn run(&self) -> Result<Decoded, marquetry_format::Error> {
+        self.task.decode().map(|page| match page {
+            DecodedPage::Samples(samples) => Decoded::Samples(samples),
+            DecodedPage::Cluster(mesh) => {
+                let above = self.above.as_ref();
+                let targets = above.map(|above| above.targets(&mesh)).unwrap_or_default();
+                Decoded::Cluster(mesh, targets)
+            }
+        })
     }
 }
 
@@ -118,10 +141,8 @@ impl Decoded {
     pub(crate) fn upload_bytes(&self) -> u64 {
         use crate::residency::upload::{CLUSTER_SLOT_BYTES, COLOURED_SAMPLE_BYTES};
         match self {
-            Self::Page(DecodedPage::Samples(samples)) => {
-                samples.positions.len() as u64 * COLOURED_SAMPLE_BYTES
-            }
-            Self::Page(DecodedPage::Cluster(_)) => CLUSTER_SLOT_BYTES,
+            Self::Samples(samples) => samples.positions.len() as u64 * COLOURED_SAMPLE_BYTES,
+            Self::Cluster(..) => CLUSTER_SLOT_BYTES,
             Self::Image(mips) => mips.iter().map(|mip| 4 * mip.rgba.len() as u64).sum(),
         }
     }

@@ -194,7 +194,7 @@ impl DrawList {
 }
 
 /// The clusters to draw: runs of slots that lie side by side.
-#[derive(Debug, Clone, Default, PartialEq, Eq)]
+#[derive(Debug, Clone, Default, PartialEq)]
 pub struct ClusterList {
     /// Slots, one draw call a run.
     pub runs: Vec<Range<u32>>,
@@ -202,17 +202,33 @@ pub struct ClusterList {
     pub nodes: u64,
     /// Their triangles.
     pub triangles: u64,
+    /// Slots of those that move, with their morphs.
+    pub morphs: Vec<(u32, f32)>,
+}
+
+/// One cluster to draw.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct DrawnCluster {
+    /// Its slot.
+    pub slot: u32,
+    /// How many triangles it has.
+    pub triangles: u16,
+    /// How far its vertices are on the way to their targets, 0..=1.
+    pub morph: f32,
 }
 
 impl ClusterList {
-    /// Collects slots and how many triangles each has.
-    pub fn new(clusters: impl Iterator<Item = (u32, u16)>) -> Self {
+    /// Collects clusters, each once.
+    pub fn new(clusters: impl Iterator<Item = DrawnCluster>) -> Self {
         let mut list = Self::default();
         let mut slots = Vec::new();
-        for (slot, triangles) in clusters {
+        for cluster in clusters {
             list.nodes += 1;
-            list.triangles += u64::from(triangles);
-            slots.push(slot);
+            list.triangles += u64::from(cluster.triangles);
+            slots.push(cluster.slot);
+            if cluster.morph > 0.0 {
+                list.morphs.push((cluster.slot, cluster.morph));
+            }
         }
         slots.sort_unstable();
         for slot in slots {
@@ -225,8 +241,9 @@ impl ClusterList {
     }
 }
 
-/// Vertex attributes of a cluster: one word of four, location 0. See `shaders/cluster.wgsl`.
-pub const CLUSTER_ATTRIBUTES: [wgpu::VertexAttribute; 1] = wgpu::vertex_attr_array![0 => Uint32x4];
+/// Vertex attributes of a cluster: what the vertex is, location 0, and what it moves to, location 2. See `shaders/cluster.wgsl`.
+pub const CLUSTER_ATTRIBUTES: [wgpu::VertexAttribute; 2] =
+    wgpu::vertex_attr_array![0 => Uint32x4, 2 => Uint32x4];
 /// The code of its texture's part, location 1.
 pub const CLUSTER_TEXTURE_ATTRIBUTES: [wgpu::VertexAttribute; 1] =
     wgpu::vertex_attr_array![1 => Uint32];

@@ -7,11 +7,11 @@ pub mod colour;
 pub mod grid;
 pub mod timer;
 
-use crate::gpu_types::{DrawList, Frame};
+use crate::gpu_types::{ClusterList, DrawList, Frame};
 use crate::{EngineError, Transition, Viewer, Viewport};
 use atlas::AtlasTextures;
 use blend::BlendPass;
-use cluster::{ClusterBuffers, ClusterPass, ClusterTextures};
+use cluster::{ClusterBuffers, ClusterMorphs, ClusterPass, ClusterTextures};
 use colour::TileTextures;
 use grid::{DEPTH_FORMAT, Drawing, GridPass, Layer, SAMPLES};
 use timer::GpuTimer;
@@ -40,6 +40,7 @@ struct Scene {
     atlas: AtlasTextures,
     clusters: ClusterBuffers,
     textures: ClusterTextures,
+    morphs: ClusterMorphs,
     tiles: TileTextures,
     instances: wgpu::Buffer,
 }
@@ -255,13 +256,17 @@ impl Renderer {
                 .and_then(|timer| timer.writes(picture.is_first, picture.is_last)),
             ..Default::default()
         });
+        let (textures, morphs) = (scene.textures.view(), scene.morphs.view());
+        let bind = |layer, texels| {
+            let (atlas, tiles) = (&scene.atlas, &scene.tiles);
+            self.grid
+                .bind(&self.device, layer, atlas, tiles, &morphs, texels)
+        };
         for layer in picture.layers {
-            let Some((list, first)) = Scene::layer(viewer, *layer) else {
+            let Some((list, clusters, first)) = Scene::layer(viewer, *layer) else {
                 continue;
             };
-            let samples = self
-                .grid
-                .bind(&self.device, *layer, &scene.atlas, &scene.tiles, None);
+            let samples = bind(*layer, None);
             self.grid.draw(
                 &mut pass,
                 &samples,
@@ -270,25 +275,16 @@ impl Renderer {
                 viewer.options().shade,
                 picture.discards,
             );
+            pass.set_bind_group(0, &bind(*layer, Some(&textures)), &[]);
+            self.cluster.draw(
+                &self.grid,
+                &mut pass,
+                &scene.clusters,
+                clusters,
+                viewer.options().shade,
+                picture.discards,
+            );
         }
-        // One cluster takes the place of others at once: they are in every picture.
-        let textures = scene.textures.view();
-        let samples = self.grid.bind(
-            &self.device,
-            Layer::Steady,
-            &scene.atlas,
-            &scene.tiles,
-            Some(&textures),
-        );
-        pass.set_bind_group(0, &samples, &[]);
-        self.cluster.draw(
-            &self.grid,
-            &mut pass,
-            &scene.clusters,
-            viewer.cluster_list(),
-            viewer.options().shade,
-            picture.discards,
-        );
     }
 
     /// Times the frames drawn; `None` where the device cannot.
@@ -305,6 +301,7 @@ impl Scene {
             atlas: AtlasTextures::new(device, viewer.texture_layers(), has_colours)?,
             clusters: ClusterBuffers::new(device, viewer.cluster_slots()),
             textures: ClusterTextures::new(device),
+            morphs: ClusterMorphs::new(device),
             tiles: TileTextures::new(device),
             instances: instance_buffer(device, 256),
         })
@@ -352,6 +349,7 @@ impl Scene {
             }
             self.tiles.write_map(device, queue, layer.map());
         }
+        self.morphs.write(queue, &viewer.cluster_lists());
         let lists = viewer.draw_lists();
         let slices = lists.iter().map(|list| list.instances.as_slice());
         let instances: Vec<_> = slices.flatten().copied().collect();
@@ -364,8 +362,8 @@ impl Scene {
         Ok(())
     }
 
-    /// The instances of `layer`, and where they start in the buffer.
-    fn layer(viewer: &Viewer, layer: Layer) -> Option<(&DrawList, u32)> {
+    /// The instances and the clusters of `layer`, and where the former start in the buffer.
+    fn layer(viewer: &Viewer, layer: Layer) -> Option<(&DrawList, &ClusterList, u32)> {
         let index = match layer {
             Layer::Steady => 0,
             Layer::Leaving => 1,
@@ -374,7 +372,11 @@ impl Scene {
         let lists = viewer.draw_lists();
         let before = lists.iter().take(index).map(|list| list.instances.len());
         let first = u32::try_from(before.sum::<usize>()).ok()?;
-        Some((*lists.get(index)?, first))
+        Some((
+            *lists.get(index)?,
+            *viewer.cluster_lists().get(index)?,
+            first,
+        ))
     }
 }
 

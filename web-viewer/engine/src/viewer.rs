@@ -15,9 +15,8 @@ use crate::camera::View;
 use crate::colour::layer::ColourLayer;
 use crate::colour::stream::TileStream;
 use crate::controls::{Action, Controls};
-use crate::gpu_types::{ClusterList, DrawList, Frame, Instance};
+use crate::gpu_types::{ClusterList, DrawList, DrawnCluster, Frame, Instance};
 use crate::lod::animate::Drawn;
-use crate::lod::cluster;
 use crate::lod::cut::{Cut, Leaf};
 use crate::lod::desire::{Forest, Wanted};
 use crate::lod::edge_morph::{morph_of, side_modes};
@@ -31,7 +30,9 @@ use crate::residency::upload::{ClusterUpload, MAX_LAYERS, Upload};
 use crate::section::HalfSpace;
 use crate::stats::{CacheStats, PageStats};
 use crate::{Camera, EngineError, InputEvent, Request, RequestId, Stats, ViewerOptions, Viewport};
-use marquetry_format::{ContentKind, Document, NodeId, PageId};
+use marquetry_format::{
+    ClusterGroup, ClusterGroupId, ClusterId, ContentKind, Document, NodeId, PageId,
+};
 use std::collections::BTreeSet;
 use std::sync::atomic::{AtomicU64, Ordering};
 
@@ -113,6 +114,8 @@ struct Needed {
     parent: Option<PageId>,
     /// Its node in a chart; `None` for a cluster.
     node: Option<NodeId>,
+    /// The group that a cluster is a child of.
+    group: Option<ClusterGroupId>,
     /// Screen-space error that is shown without it, pixels.
     importance_px: f64,
     /// Whether the filter lets it and everything above it pass.
@@ -326,6 +329,7 @@ impl Viewer {
             self.stale.picture = false;
             self.stale.frame = true;
             self.collect_both(&view);
+            self.see_textures(&view);
             self.collect_clusters(&view);
         }
         self.show_textures();
@@ -420,12 +424,15 @@ impl Viewer {
             .map(ColourLayer::stats)
             .unwrap_or_default();
         let lists = || self.draw_lists().into_iter();
+        let clusters = || self.cluster_lists().into_iter();
         Stats {
-            triangles: lists().map(DrawList::triangles).sum::<u64>() + self.cluster_list.triangles,
+            triangles: lists().map(DrawList::triangles).sum::<u64>()
+                + clusters().map(|list| list.triangles).sum::<u64>(),
             nodes: lists().map(|list| list.instances.len() as u64).sum::<u64>()
-                + self.cluster_list.nodes,
+                + clusters().map(|list| list.nodes).sum::<u64>(),
             draw_calls: (lists().map(|list| list.draws().count()).sum::<usize>()
-                + self.cluster_list.runs.len()) as u64,
+                + clusters().map(|list| list.runs.len()).sum::<usize>())
+                as u64,
             pages: PageStats {
                 requested: self.fetcher.requested(),
                 fetched: self.fetched,
@@ -486,8 +493,13 @@ impl Viewer {
             .collect()
     }
 
-    pub(crate) fn cluster_list(&self) -> &ClusterList {
-        &self.cluster_list
+    /// The clusters of each of [`Viewer::draw_lists`].
+    pub(crate) fn cluster_lists(&self) -> Vec<&ClusterList> {
+        let fading = self.fading.as_ref();
+        let others = fading.map(|fading| [&fading.leaving_clusters, &fading.arriving_clusters]);
+        std::iter::once(&self.cluster_list)
+            .chain(others.into_iter().flatten())
+            .collect()
     }
 
     pub(crate) fn frame(&self) -> Option<Frame> {
@@ -609,9 +621,7 @@ impl Viewer {
             if self.fades() {
                 self.fade(step);
             } else {
-                let has_ended = self.fade.take().is_some();
-                let charts = &self.document.charts;
-                changes = self.drawn.advance(&self.target, charts, step) || has_ended;
+                changes = self.fade.take().is_some() | self.move_on(step);
             }
         }
         if changes {
@@ -620,9 +630,28 @@ impl Viewer {
         self.stale.picture = true;
     }
 
+    /// Moves what is drawn towards the target, by at most `step` where it is in the picture. Whether other nodes are drawn than before.
+    fn move_on(&mut self, step: f32) -> bool {
+        let document = &self.document;
+        let (view, clusters) = (self.view, document.clusters.as_ref());
+        let of_group = |group: &ClusterGroup| {
+            let nodes = group.members.iter().filter_map(|&id| clusters?.node(id));
+            let is_seen = |bounds| view.is_none_or(|view| view.sees(bounds));
+            if nodes.into_iter().any(|node| is_seen(&node.bounds)) {
+                step
+            } else {
+                1.0
+            }
+        };
+        let charts = self.drawn.advance(&self.target, &document.charts, step);
+        let drawn = &mut self.drawn;
+        charts | drawn.advance_clusters(&self.target, document, of_group)
+    }
+
     fn draws_nothing(&self) -> bool {
         let mut lists = self.draw_lists().into_iter();
-        self.cluster_list.nodes == 0 && lists.all(|list| list.instances.is_empty())
+        self.cluster_lists().iter().all(|list| list.nodes == 0)
+            && lists.all(|list| list.instances.is_empty())
     }
 
     /// How `leaf` of `drawn` is drawn; `None` where it is not in the picture.
@@ -649,19 +678,16 @@ impl Viewer {
         ))
     }
 
-    /// Collects the clusters in the picture.
-    fn collect_clusters(&mut self, view: &View) {
-        self.see_textures(view);
-        let document = &self.document;
-        self.cluster_list = ClusterList::new(
-            cluster::drawn(document, &self.drawn.cut)
-                .into_iter()
-                .filter_map(|id| {
-                    let node = document.clusters.as_ref()?.node(id)?;
-                    let slot = self.table.cluster_slot(document.page_of_cluster(id))?;
-                    view.sees(&node.bounds).then_some((slot, node.triangles))
-                }),
-        );
+    /// How a cluster of `drawn` is drawn; `None` where it is not in the picture.
+    fn cluster(&self, view: &View, drawn: &Drawn, id: ClusterId) -> Option<DrawnCluster> {
+        let clusters = self.document.clusters.as_ref()?;
+        let node = clusters.node(id)?;
+        let slot = self.table.cluster_slot(self.document.page_of_cluster(id))?;
+        view.sees(&node.bounds).then(|| DrawnCluster {
+            slot,
+            triangles: node.triangles,
+            morph: drawn.cluster_morph(clusters, id),
+        })
     }
 }
 

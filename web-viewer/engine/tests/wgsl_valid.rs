@@ -1,7 +1,9 @@
 //! Every shader parses and validates, without a GPU.
 
-use marquetry_engine::passes::cluster::shader;
+use marquetry_engine::gpu_types::CLUSTER_ATTRIBUTES;
+use marquetry_engine::passes::cluster::{MORPHS_ACROSS, shader};
 use marquetry_engine::passes::{blend, grid::SHADER};
+use marquetry_engine::residency::upload::CLUSTER_VERTICES;
 use naga::valid::{Capabilities, ValidationFlags, Validator};
 
 #[test]
@@ -38,15 +40,26 @@ fn cluster_shader_is_valid() {
     for name in ["cluster_surface_vertex", "cluster_line_vertex"] {
         let entry = module.entry_points.iter().find(|entry| entry.name == name);
         let arguments = &entry.unwrap().function.arguments;
-        // Two attributes, as `CLUSTER_ATTRIBUTES` and `CLUSTER_TEXTURE_ATTRIBUTES` say.
-        assert_eq!(arguments.len(), 2);
-        assert!(matches!(
-            module.types[arguments[0].ty].inner,
-            naga::TypeInner::Vector {
-                size: naga::VectorSize::Quad,
-                scalar: naga::Scalar::U32
-            }
-        ));
+        // The attributes that `CLUSTER_ATTRIBUTES` and `CLUSTER_TEXTURE_ATTRIBUTES` say, and the number of the vertex.
+        assert_eq!(arguments.len(), 4);
+        for attribute in CLUSTER_ATTRIBUTES {
+            let argument = arguments.iter().find(|argument| {
+                let location = attribute.shader_location;
+                matches!(argument.binding, Some(naga::Binding::Location { location: own, .. }) if own == location)
+            });
+            assert!(matches!(
+                module.types[argument.unwrap().ty].inner,
+                naga::TypeInner::Vector {
+                    size: naga::VectorSize::Quad,
+                    scalar: naga::Scalar::U32
+                }
+            ));
+        }
+        let numbers = [
+            format!("SLOT_VERTICES: u32 = {CLUSTER_VERTICES}u;"),
+            format!("MORPHS_ACROSS: u32 = {MORPHS_ACROSS}u;"),
+        ];
+        assert!(numbers.iter().all(|number| source.contains(number)));
     }
 }
 

@@ -3,7 +3,7 @@
 #![expect(clippy::unwrap_used, reason = "a test that cannot go on fails")]
 
 use marquetry_engine::camera::STANDARD_VIEWS;
-use marquetry_engine::testing::{Random, Shape, random_finest};
+use marquetry_engine::testing::{Random, Shape, Wall, random_finest};
 use marquetry_engine::{Background, Camera, Shade, Transition, ViewerOptions, Viewport};
 use marquetry_format::ByteSource;
 use marquetry_native::{Headless, Picture, Session};
@@ -253,6 +253,79 @@ fn pictures_that_give_way_to_others_are_never_open_and_settle_to_the_same() {
         settled.push(over(&mut session, [0, 0, 0], camera));
     }
     assert!(settled.iter().all(|picture| *picture == settled[0]));
+}
+
+/// Mean difference of two pictures, levels of a channel.
+fn difference(a: &Picture, b: &Picture) -> f64 {
+    let levels = a.rgba.iter().zip(&b.rgba);
+    levels.map(|(a, b)| f64::from(a.abs_diff(*b))).sum::<f64>() / a.rgba.len() as f64
+}
+
+/// Greatest and sum of the differences between one frame and the next while the wall gets finer, and coarser again.
+fn changes(headless: &Headless, wall: &Wall, transition: Transition) -> (f64, f64) {
+    let source: Arc<dyn ByteSource> = Arc::new(wall.file.clone());
+    let options = |error_px| ViewerOptions {
+        transition,
+        error_px,
+        ..ViewerOptions::default()
+    };
+    let mut session = headless.session(&source, options(1.0)).unwrap();
+    let metadata = session.viewer().document().metadata.clone();
+    let world = |point| metadata.lattice.world_from_lattice(point);
+    let target = world([300_000, 65_000, 100_000]);
+    let camera = Camera {
+        eye: target + glam::DVec3::new(0.1, 0.2, 1.0) * 500_000.0 * metadata.lattice.step,
+        target,
+        up: glam::DVec3::Y,
+    };
+    // Everything is in memory, and coarse.
+    session.settle(camera, SIZE).unwrap();
+    session.viewer().set_options(options(60.0)).unwrap();
+    session.settle(camera, SIZE).unwrap();
+    let coarse = now(&mut session, [255, 0, 255]);
+    let (mut before, mut greatest, mut sum) = (Some(coarse.clone()), 0.0f64, 0.0);
+    for error_px in [1.0, 60.0] {
+        session.viewer().set_options(options(error_px)).unwrap();
+        let mut frames = 0;
+        loop {
+            session.step(1.0 / 60.0, SIZE, Duration::ZERO);
+            // Before backgrounds are options that change.
+            let is_settled = session.viewer().is_settled();
+            let (one, other) = (
+                now(&mut session, [255, 0, 255]),
+                now(&mut session, [0, 255, 0]),
+            );
+            for (x, y) in (120..200).flat_map(|x| (100..140).map(move |y| (x, y))) {
+                assert_eq!(one.pixel(x, y), other.pixel(x, y), "a crack at {x} {y}");
+            }
+            let change = before.map_or(0.0, |before| difference(&before, &one));
+            greatest = greatest.max(change);
+            sum += change;
+            before = Some(one);
+            frames += 1;
+            assert!(frames < 300, "stuck");
+            if is_settled {
+                break;
+            }
+        }
+    }
+    assert_eq!(before, Some(coarse), "the way back ends where it began");
+    (greatest, sum)
+}
+
+#[test]
+fn clusters_change_level_without_a_jump() {
+    let Some(headless) = headless() else { return };
+    let wall = Wall::new(100, None).unwrap();
+    let (jump, all_at_once) = changes(&headless, &wall, Transition::None);
+    let (step, bit_by_bit) = changes(&headless, &wall, Transition::Geomorph);
+    println!("greatest change: {step} in place of {jump}; sums: {bit_by_bit}, {all_at_once}");
+    assert!(
+        jump > 0.5 && bit_by_bit > all_at_once,
+        "there is something to see"
+    );
+    // What is left is the light on edges of the coarser columns, which are long fans.
+    assert!(step < 0.5 * jump, "{step} {jump}");
 }
 
 #[test]

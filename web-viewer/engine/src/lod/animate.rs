@@ -9,10 +9,11 @@
 //! Limit: beside a coarser neighbour odd border samples sit on even ones, so when that neighbour is refined the row of
 //! cells along the border changes shape at once, by less than the parent's error.
 
+use super::cluster::morph::{self, GroupMorphs};
 use super::cut::{Across, Cut, Leaf, QUADRANTS, SIDES};
 use super::edge_morph::{Morphs, morph_of};
-use marquetry_format::Chart;
 use marquetry_format::quadtree::PAGE_RESOLUTION;
+use marquetry_format::{Chart, ClusterGroup, ClusterId, Clusters, Document};
 
 /// What is drawn.
 #[derive(Debug, Clone, PartialEq)]
@@ -21,6 +22,8 @@ pub struct Drawn {
     pub cut: Cut,
     /// Their morphs.
     pub morphs: Morphs,
+    /// Those of the children of split groups of clusters.
+    pub group_morphs: GroupMorphs,
 }
 
 impl Drawn {
@@ -29,19 +32,24 @@ impl Drawn {
         Self {
             cut,
             morphs: Morphs::new(),
+            group_morphs: GroupMorphs::new(),
         }
+    }
+
+    /// The morph of a cluster that is drawn.
+    pub fn cluster_morph(&self, clusters: &Clusters, id: ClusterId) -> f32 {
+        morph::morph_of(clusters, &self.group_morphs, id)
     }
 
     /// Whether exactly `target` is drawn and nothing moves.
     pub fn is_at_rest(&self, target: &Cut) -> bool {
-        self.morphs.is_empty() && self.cut == *target
+        self.morphs.is_empty() && self.group_morphs.is_empty() && self.cut == *target
     }
 
-    /// Moves towards `target`, which is balanced, by at most `step` in every morph (0 < `step`; 1 is the whole way). Whether
+    /// Moves the charts towards `target`, which is balanced, by at most `step` in every morph (0 < `step`; 1 is the whole way). Whether
     /// another cut is drawn than before.
     pub fn advance(&mut self, target: &Cut, charts: &[Chart], step: f32) -> bool {
-        // Clusters have nothing to move between.
-        let mut changes = self.cut.take_clusters_of(target);
+        let mut changes = false;
         let leaves = self.cut.leaves();
         let mut merging = Vec::new();
         for leaf in &leaves {
@@ -76,6 +84,22 @@ impl Drawn {
             }
         }
         changes
+    }
+
+    /// Moves the clusters towards `target`, every group by its `step`; see [`morph::advance`]. Whether other ones are drawn than before.
+    pub fn advance_clusters(
+        &mut self,
+        target: &Cut,
+        document: &Document,
+        step: impl Fn(&ClusterGroup) -> f32,
+    ) -> bool {
+        morph::advance(
+            document,
+            &mut self.cut,
+            &mut self.group_morphs,
+            target,
+            step,
+        )
     }
 
     /// Whether `leaf` and those that merge with it want to, and no finer neighbour is in the way.

@@ -8,9 +8,14 @@
 //! whether it is drawn; here one goes down from the root, so that a cut may stop at what is not in memory, and the work is
 //! that of what is reached.
 //!
-//! Limits: nothing moves from one node's surface to the next, which therefore differ by up to the target error. A group that
-//! is too coarse waits for members that are not reached, whose own parents are fine enough. By their errors alone this cannot be:
+//! [`morph`] moves vertices from one group's surface to the next, towards places that [`target`] finds.
+//!
+//! Limit: a group that is too coarse waits for members that are not reached, whose own parents are fine enough. By their errors alone this cannot be:
 //! parents' are as large, and so are their bounds, but for what members have beyond all of the children's. By the lengths of texels it can.
+
+pub mod morph;
+mod nearest;
+pub mod target;
 
 use super::cut::Cut;
 use super::mesh::MeshBuilder;

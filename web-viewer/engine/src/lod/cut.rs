@@ -92,18 +92,21 @@ impl Cut {
         self.split_clusters.extend(&group.members);
     }
 
+    /// Draws a group of clusters in place of its children, none of which is split.
+    pub fn merge_group(&mut self, group: &ClusterGroup) {
+        for member in &group.members {
+            self.split_clusters.remove(member);
+        }
+    }
+
+    /// The clusters whose groups are split, ascending.
+    pub fn split_clusters(&self) -> impl Iterator<Item = ClusterId> + '_ {
+        self.split_clusters.iter().copied()
+    }
+
     /// Draws the root of the clusters.
     pub fn collapse_clusters(&mut self) {
         self.split_clusters.clear();
-    }
-
-    /// Draws the clusters as `other` does. Whether that is another way than before.
-    pub fn take_clusters_of(&mut self, other: &Self) -> bool {
-        let changes = self.split_clusters != other.split_clusters;
-        if changes {
-            self.split_clusters.clone_from(&other.split_clusters);
-        }
-        changes
     }
 
     /// Number of charts.

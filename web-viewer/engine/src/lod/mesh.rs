@@ -437,6 +437,7 @@ mod tests {
                 .map(|leaf| (leaf.node, 1.0))
                 .collect(),
             cut: finest,
+            group_morphs: Drawn::at_rest(Cut::coarsest(0)).group_morphs,
         };
         let fine = extract_mesh_in_motion(&document, &source, &drawn.cut, &drawn.morphs).unwrap();
         let mut coarse = Cut::coarsest(2);

@@ -9,7 +9,9 @@ use crate::colour::slots::MAX_LAYERS;
 use crate::gpu_types::{CLUSTER_ATTRIBUTES, CLUSTER_TEXTURE_ATTRIBUTES, ClusterList};
 use crate::options::Shade;
 use crate::residency::textures::{PARTS_A_LAYER, TEXTURE_SIDE, TEXTURES_ACROSS, TextureChange};
-use crate::residency::upload::{CLUSTER_CORNERS, CLUSTER_VERTICES, ClusterUpload};
+use crate::residency::upload::{
+    CLUSTER_CORNERS, CLUSTER_VERTEX_BYTES, CLUSTER_VERTICES, ClusterUpload, MAX_CLUSTER_SLOTS,
+};
 use std::sync::OnceLock;
 
 /// Source of the shader module: that of the grids, with the vertex shaders of clusters.
@@ -26,11 +28,9 @@ pub struct ClusterPass {
     discarding: OnceLock<Pipelines>,
 }
 
-/// Bytes of a vertex.
-const VERTEX_BYTES: u64 = 16;
 /// How vertices lie in their buffer.
 const VERTICES: wgpu::VertexBufferLayout<'_> = wgpu::VertexBufferLayout {
-    array_stride: VERTEX_BYTES,
+    array_stride: CLUSTER_VERTEX_BYTES,
     step_mode: wgpu::VertexStepMode::Vertex,
     attributes: &CLUSTER_ATTRIBUTES,
 };
@@ -124,7 +124,7 @@ impl ClusterBuffers {
         Self {
             vertices: buffer(
                 "cluster vertices",
-                VERTEX_BYTES * u64::from(CLUSTER_VERTICES),
+                CLUSTER_VERTEX_BYTES * u64::from(CLUSTER_VERTICES),
                 wgpu::BufferUsages::VERTEX,
             ),
             corners: buffer("cluster corners", corners, wgpu::BufferUsages::INDEX),
@@ -164,7 +164,7 @@ impl ClusterBuffers {
     pub fn write(&self, queue: &wgpu::Queue, upload: &ClusterUpload) {
         let slot = u64::from(upload.slot);
         let corners = CORNER_BYTES * u64::from(CLUSTER_CORNERS) * slot;
-        let vertices = VERTEX_BYTES * u64::from(CLUSTER_VERTICES) * slot;
+        let vertices = CLUSTER_VERTEX_BYTES * u64::from(CLUSTER_VERTICES) * slot;
         queue.write_buffer(
             &self.vertices,
             vertices,
@@ -192,6 +192,79 @@ impl ClusterBuffers {
             first,
             bytemuck::cast_slice(&vec![code; vertices]),
         );
+    }
+}
+
+/// How far the clusters of one file are on their way, by slot, for shaders.
+#[derive(Debug)]
+pub struct ClusterMorphs {
+    texture: wgpu::Texture,
+    /// What is in the texture, up to the last slot that was ever written.
+    written: Vec<f32>,
+}
+
+/// Slots in a row of the texture.
+pub const MORPHS_ACROSS: u32 = 128;
+
+impl ClusterMorphs {
+    /// Everything at rest.
+    pub fn new(device: &wgpu::Device) -> Self {
+        let texture = device.create_texture(&wgpu::TextureDescriptor {
+            label: Some("cluster morphs"),
+            size: wgpu::Extent3d {
+                width: MORPHS_ACROSS,
+                height: MAX_CLUSTER_SLOTS / MORPHS_ACROSS,
+                depth_or_array_layers: 1,
+            },
+            mip_level_count: 1,
+            sample_count: 1,
+            dimension: wgpu::TextureDimension::D2,
+            format: wgpu::TextureFormat::R32Float,
+            usage: wgpu::TextureUsages::TEXTURE_BINDING | wgpu::TextureUsages::COPY_DST,
+            view_formats: &[],
+        });
+        Self {
+            texture,
+            written: Vec::new(),
+        }
+    }
+
+    /// Writes those of what is drawn; everything else is at rest.
+    pub fn write(&mut self, queue: &wgpu::Queue, lists: &[&ClusterList]) {
+        let morphs = || lists.iter().flat_map(|list| list.morphs.iter().copied());
+        let last = morphs().map(|(slot, _)| slot).max();
+        let row = MORPHS_ACROSS as usize;
+        let rows = last.map_or(0, |last| last as usize / row + 1);
+        let mut wanted = vec![0.0; (rows * row).max(self.written.len())];
+        for (slot, morph) in morphs() {
+            if let Some(place) = wanted.get_mut(slot as usize) {
+                *place = morph;
+            }
+        }
+        if wanted == self.written {
+            return;
+        }
+        queue.write_texture(
+            self.texture.as_image_copy(),
+            bytemuck::cast_slice(&wanted),
+            wgpu::TexelCopyBufferLayout {
+                offset: 0,
+                bytes_per_row: Some(4 * MORPHS_ACROSS),
+                rows_per_image: None,
+            },
+            wgpu::Extent3d {
+                width: MORPHS_ACROSS,
+                height: u32::try_from(wanted.len() / row).unwrap_or_default(),
+                depth_or_array_layers: 1,
+            },
+        );
+        self.written = wanted;
+    }
+
+    /// A view to bind.
+    pub fn view(&self) -> wgpu::TextureView {
+        self.texture
+            .create_view(&wgpu::TextureViewDescriptor::default())
     }
 }
 

@@ -88,6 +88,14 @@ impl GridPass {
             count: None,
         };
         let tiles = TileTextures::layout(4);
+        let morphs = wgpu::BindGroupLayoutEntry {
+            ty: wgpu::BindingType::Texture {
+                sample_type: wgpu::TextureSampleType::Float { filterable: false },
+                view_dimension: wgpu::TextureViewDimension::D2,
+                multisampled: false,
+            },
+            ..texture(7)
+        };
         let layout = device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor {
             label: Some("grid"),
             entries: &[
@@ -107,6 +115,7 @@ impl GridPass {
                 tiles[0],
                 tiles[1],
                 tiles[2],
+                morphs,
             ],
         });
         let (triangle_ranges, line_ranges, indices) = grid_indices();
@@ -161,13 +170,14 @@ impl GridPass {
         queue.write_buffer(self.frame_of(layer), 0, bytemuck::bytes_of(frame));
     }
 
-    /// Binds the samples to draw `layer` from; `texels` in place of those of the tiles.
+    /// Binds what to draw `layer` from: samples, the morphs of clusters, and `texels` in place of those of the tiles.
     pub fn bind(
         &self,
         device: &wgpu::Device,
         layer: Layer,
         atlas: &AtlasTextures,
         tiles: &TileTextures,
+        morphs: &wgpu::TextureView,
         texels: Option<&wgpu::TextureView>,
     ) -> wgpu::BindGroup {
         let [positions, normals, colours] = atlas.views();
@@ -193,6 +203,7 @@ impl GridPass {
                     resource: wgpu::BindingResource::Sampler(tiles.sampler()),
                 },
                 view(6, &tile_map),
+                view(7, morphs),
             ],
         })
     }

@@ -12,8 +12,10 @@ use super::upload::{
     SlotAllocator, Upload,
 };
 use crate::colour::upload::Mip;
+use crate::lod::cluster::target::{GroupSurface, Targets};
 use marquetry_format::cluster::ClusterTexture;
-use marquetry_format::{ClusterMesh, Document, PageId, PageSamples};
+use marquetry_format::{ClusterGroupId, ClusterMesh, Document, PageId, PageSamples};
+use std::collections::VecDeque;
 use std::sync::Arc;
 
 /// Bytes of one sample kept for decoding children: positions and normals with targets.
@@ -22,6 +24,9 @@ const KEPT_BYTES: u64 = 2 * (12 + 2);
 const KEPT_COLOURED_BYTES: u64 = KEPT_BYTES + 2 * 3;
 /// Bytes of one sample kept for picking where there are no children: its position.
 const PICKED_BYTES: u64 = 12;
+
+/// Surfaces of groups that are held for more of their children.
+const SURFACES: usize = 32;
 
 /// Where a page is on the GPU.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -37,8 +42,8 @@ enum Place {
 enum Kept {
     /// Everything where the page has children, else the positions alone. Shared with jobs that decode children.
     Samples(Arc<PageSamples>),
-    /// Positions, triangles and texture.
-    Cluster(ClusterMesh),
+    /// Everything, for picking and for where children move to.
+    Cluster(Arc<ClusterMesh>),
 }
 
 /// A page in memory.
@@ -80,6 +85,9 @@ pub struct PageTable {
     cluster_slots: ClusterSlots,
     cluster_uploads: Vec<ClusterUpload>,
     root_cluster: Option<u32>,
+    root_mesh: Option<Arc<ClusterMesh>>,
+    /// Of the groups whose children were decoded last, the last at the end.
+    surfaces: VecDeque<(ClusterGroupId, Arc<GroupSurface>)>,
     /// Whether some cluster has a texture.
     has_textures: bool,
     textures: TexturePool,
@@ -102,10 +110,14 @@ impl PageTable {
         }
         if let Some(tree) = &document.clusters {
             let slot = table.cluster_slots.allocate()?;
-            table
-                .cluster_uploads
-                .push(ClusterUpload::pack(slot, 0, &tree.root));
+            table.cluster_uploads.push(ClusterUpload::pack(
+                slot,
+                0,
+                &tree.root,
+                &Targets::default(),
+            ));
             table.root_cluster = Some(slot);
+            table.root_mesh = Some(Arc::new(tree.root.clone()));
             table.pinned_bytes += CLUSTER_SLOT_BYTES;
         }
         Some(table)
@@ -147,12 +159,38 @@ impl PageTable {
         }
     }
 
-    /// Positions and triangles of the cluster whose mesh `page` holds.
-    pub fn cluster_mesh(&self, page: PageId) -> Option<&ClusterMesh> {
+    /// The cluster whose mesh `page` holds; the root for `None`.
+    pub fn cluster_mesh(&self, page: Option<PageId>) -> Option<&Arc<ClusterMesh>> {
+        let Some(page) = page else {
+            return self.root_mesh.as_ref();
+        };
         match &self.pages.get(&page)?.kept {
             Kept::Samples(_) => None,
             Kept::Cluster(mesh) => Some(mesh),
         }
+    }
+
+    /// What the members of a group show, all of which are resident; `None` where one is not.
+    pub fn group_surface(
+        &mut self,
+        document: &Document,
+        id: ClusterGroupId,
+    ) -> Option<Arc<GroupSurface>> {
+        let known = self.surfaces.iter().position(|&(known, _)| known == id);
+        let known = known.and_then(|place| self.surfaces.remove(place));
+        let surface = if let Some((_, surface)) = known {
+            surface
+        } else {
+            let group = document.clusters.as_ref()?.group(id)?;
+            let mesh = |&id: &_| self.cluster_mesh(document.page_of_cluster(id)).cloned();
+            let members = group.members.iter().map(mesh).collect::<Option<Vec<_>>>()?;
+            Arc::new(GroupSurface::new(members))
+        };
+        if self.surfaces.len() >= SURFACES {
+            self.surfaces.pop_front();
+        }
+        self.surfaces.push_back((id, Arc::clone(&surface)));
+        Some(surface)
     }
 
     /// Lends parts to clusters that are `seen`, the most important first, with how often the sides of their images are halved; see
@@ -314,7 +352,13 @@ impl PageTable {
     }
 
     /// Takes the decoded mesh of a cluster of `level` to the room that was reserved for it; false as [`PageTable::insert`].
-    pub fn insert_cluster(&mut self, page: PageId, level: u8, mesh: ClusterMesh) -> bool {
+    pub fn insert_cluster(
+        &mut self,
+        page: PageId,
+        level: u8,
+        mesh: ClusterMesh,
+        targets: &Targets,
+    ) -> bool {
         let Some(&Reserved {
             place: Place::Cluster(slot),
             ..
@@ -323,14 +367,8 @@ impl PageTable {
             return false;
         };
         self.cluster_uploads
-            .push(ClusterUpload::pack(slot, level, &mesh));
-        let kept = Kept::Cluster(ClusterMesh {
-            positions: mesh.positions,
-            triangles: mesh.triangles,
-            texture: mesh.texture,
-            ..ClusterMesh::default()
-        });
-        self.keep(page, kept);
+            .push(ClusterUpload::pack(slot, level, &mesh, targets));
+        self.keep(page, Kept::Cluster(Arc::new(mesh)));
         true
     }
 

@@ -4,6 +4,7 @@
 //! size, so that small root pages do not take the room of full ones; a band whose squares are all free serves any size
 //! again. At most half of a band is lost (17² squares), one row in 34 for full pages.
 
+use crate::lod::cluster::target::Targets;
 use marquetry_format::{ClusterMesh, PageSamples};
 use std::collections::BTreeSet;
 
@@ -184,8 +185,12 @@ pub fn pack_point([x, y, z]: [u32; 3]) -> [u32; 2] {
 pub const CLUSTER_VERTICES: u32 = 256;
 /// Corners that a cluster's slot has room for.
 pub const CLUSTER_CORNERS: u32 = 3 * 256;
-/// Bytes of a cluster's slot (vertices with the number of their texture, corners, and the ends of lines, two a corner) and of what is kept for picking.
-pub const CLUSTER_SLOT_BYTES: u64 = (16 + 4 + 12) * CLUSTER_VERTICES as u64
+/// Bytes of a vertex on its way to a slot: what it is, and what it is on the surface that its group takes the place of.
+pub const CLUSTER_VERTEX_BYTES: u64 = 32;
+/// Bytes of a cluster's slot (vertices with the number of their texture, corners, and the ends of lines, two a corner) and of what is kept for picking
+/// and for children to move to.
+pub const CLUSTER_SLOT_BYTES: u64 = (CLUSTER_VERTEX_BYTES + 4 + 12 + 2 + 3)
+    * CLUSTER_VERTICES as u64
     + 4 * CLUSTER_CORNERS as u64
     + 8 * CLUSTER_CORNERS as u64
     + CLUSTER_CORNERS as u64;
@@ -197,8 +202,9 @@ pub const MAX_CLUSTER_SLOTS: u32 = 1 << 14;
 pub struct ClusterUpload {
     /// Number of the slot.
     pub slot: u32,
-    /// Position (two words, as in an [`Upload`]), normal with the level and the column on the texture above it, colour with the row.
-    pub vertices: Vec<[u32; 4]>,
+    /// Position (two words, as in an [`Upload`]), normal with the level and the column on the texture above it, colour with the row;
+    /// then position, normal and colour of the target.
+    pub vertices: Vec<[u32; 8]>,
     /// Corners, numbered over all slots.
     pub corners: Vec<u32>,
     /// Ends of lines, numbered alike.
@@ -206,8 +212,8 @@ pub struct ClusterUpload {
 }
 
 impl ClusterUpload {
-    /// Packs `mesh`, a node of that level, for `slot`.
-    pub fn pack(slot: u32, level: u8, mesh: &ClusterMesh) -> Self {
+    /// Packs `mesh`, a node of that level, for `slot`; vertices without a target stay where they are.
+    pub fn pack(slot: u32, level: u8, mesh: &ClusterMesh, targets: &Targets) -> Self {
         let places = mesh.texture.as_ref().map(|texture| &texture.places);
         let first = slot * CLUSTER_VERTICES;
         let vertices = mesh.positions.iter().zip(&mesh.normals).enumerate();
@@ -217,11 +223,20 @@ impl ClusterUpload {
                 let [red, green, blue] = mesh.colours.get(index).copied().unwrap_or([255; 3]);
                 let place = places.and_then(|places| places.get(index)).copied();
                 let [column, row] = place.unwrap_or_default();
+                let target = targets.positions.get(index).unwrap_or(point);
+                let [target_low, target_high] = pack_point(*target);
+                let [c, d] = targets.normals.get(index).copied().unwrap_or([*a, *b]);
+                let colour = targets.colours.get(index).copied();
+                let [target_red, target_green, target_blue] = colour.unwrap_or([red, green, blue]);
                 [
                     low,
                     high,
                     u32::from_le_bytes([*a, *b, level, column]),
                     u32::from_le_bytes([red, green, blue, row]),
+                    target_low,
+                    target_high,
+                    u32::from_le_bytes([c, d, 0, 0]),
+                    u32::from_le_bytes([target_red, target_green, target_blue, 0]),
                 ]
             })
             .collect();

@@ -89,6 +89,16 @@ impl Wall {
         })
     }
 
+    /// Whether an edge lies on the outline, nearly: what is rough moves a little aside.
+    pub fn is_outline(&self, ends: [[f32; 3]; 2]) -> bool {
+        let [width, height] = [2 * self.columns, ROWS].map(|units| f64::from(UNIT * units));
+        let at = |axis: usize, place: f64| {
+            let is_there = |end: &[f32; 3]| (f64::from(end[axis]) - place).abs() < 500.0;
+            ends.iter().all(is_there)
+        };
+        at(0, 0.0) || at(0, width) || at(1, 0.0) || at(1, height)
+    }
+
     /// Every part of the wall is drawn by `cut` exactly once, without a crack.
     ///
     /// # Panics
@@ -192,7 +202,7 @@ impl Builder<'_> {
         let mut mesh = ClusterMesh::default();
         for &(x, y) in &places {
             mesh.positions.push(point(x, y));
-            mesh.normals.push(octahedral::encode([0.0, 0.0, 1.0]));
+            mesh.normals.push(normal(x, y));
             mesh.colours.push([90, 140, 200]);
         }
         let last = u8::try_from(places.len() - 1).unwrap_or(u8::MAX);
@@ -217,6 +227,12 @@ impl Builder<'_> {
             node: self.nodes.len() - 1,
         }
     }
+}
+
+/// The normal there: waves that coarser columns show less of.
+fn normal(x: u32, y: u32) -> [u8; 2] {
+    let wave = |at: u32, length: f32| (std::f32::consts::TAU * at as f32 / length).sin();
+    octahedral::encode([0.6 * wave(x, 25.0), 0.4 * wave(y, 23.0), 1.0])
 }
 
 /// A point of the wall, which is a little rough.

@@ -6,10 +6,12 @@
 use super::Viewer;
 use crate::camera::View;
 use crate::colour::layer::ColourLayer;
-use crate::gpu_types::{DrawList, Instance};
+use crate::gpu_types::{ClusterList, DrawList, Instance};
 use crate::lod::animate::Drawn;
+use crate::lod::cluster;
 use crate::options::Transition;
-use std::collections::HashSet;
+use marquetry_format::ClusterId;
+use std::collections::{BTreeSet, HashSet};
 
 /// A change under way.
 #[derive(Debug, Clone)]
@@ -27,6 +29,10 @@ pub(crate) struct Fading {
     pub(crate) leaving: DrawList,
     /// Only in the new picture.
     pub(crate) arriving: DrawList,
+    /// The clusters of the old picture alone.
+    pub(crate) leaving_clusters: ClusterList,
+    /// The clusters of the new picture alone.
+    pub(crate) arriving_clusters: ClusterList,
     /// How far the change is, 0..1.
     pub(crate) part: f32,
 }
@@ -79,8 +85,34 @@ impl Viewer {
             leaving: leaving.filtered(|instance| !new.contains(&key(instance))),
             arriving: all.filtered(|instance| !old.contains(&key(instance))),
             part: fade.part,
+            ..Fading::default()
         });
         self.draw_list = all.filtered(|instance| old.contains(&key(instance)));
+    }
+
+    /// Collects the clusters that both pictures show, and those that only one of them does.
+    pub(super) fn collect_clusters(&mut self, view: &View) {
+        let document = &self.document;
+        let new = cluster::drawn(document, &self.drawn.cut);
+        let list = |drawn: &Drawn, ids: &mut dyn Iterator<Item = ClusterId>| {
+            ClusterList::new(ids.filter_map(|id| self.cluster(view, drawn, id)))
+        };
+        let Some(fade) = &self.fade else {
+            self.cluster_list = list(&self.drawn, &mut new.into_iter());
+            return;
+        };
+        let old: BTreeSet<ClusterId> = cluster::drawn(document, &fade.leaving.cut)
+            .into_iter()
+            .collect();
+        let (both, arriving): (Vec<_>, Vec<_>) = new.into_iter().partition(|id| old.contains(id));
+        let both = BTreeSet::from_iter(both);
+        let leaving = list(&fade.leaving, &mut old.difference(&both).copied());
+        let arriving = list(&self.drawn, &mut arriving.into_iter());
+        self.cluster_list = list(&self.drawn, &mut both.into_iter());
+        if let Some(fading) = &mut self.fading {
+            fading.leaving_clusters = leaving;
+            fading.arriving_clusters = arriving;
+        }
     }
 
     /// The leaves of `drawn` in the picture, with their places in the map of `colour`.
@@ -110,8 +142,8 @@ fn key(instance: &Instance) -> Key {
 #[cfg(test)]
 mod tests {
     use super::super::tests::Network;
-    use super::{Key, Viewer, key};
-    use crate::testing::Shape;
+    use super::{ClusterList, Drawn, Key, Viewer, cluster, key};
+    use crate::testing::{Shape, Wall};
     use crate::{Camera, Transition, ViewerOptions};
     use std::collections::BTreeSet;
 
@@ -125,7 +157,7 @@ mod tests {
         set
     }
 
-    fn at_once(viewer: &Viewer, drawn: &crate::lod::animate::Drawn) -> BTreeSet<Key> {
+    fn at_once(viewer: &Viewer, drawn: &Drawn) -> BTreeSet<Key> {
         let view = viewer.view.unwrap();
         let list =
             crate::gpu_types::DrawList::new(&drawn.cut, |leaf| viewer.instance(&view, drawn, leaf));
@@ -165,6 +197,56 @@ mod tests {
                 );
             }
             assert!(fades > 20 && steady > 0, "{fades} {steady}");
+            network.settle(&mut viewer);
+            assert!(viewer.fading.is_none());
+        }
+    }
+
+    #[test]
+    fn clusters_of_both_pictures_are_whole_all_along() {
+        let wall = Wall::new(120, None).unwrap();
+        for transition in [Transition::Alpha, Transition::Dither] {
+            let mut network = Network::of(wall.file.clone(), 53);
+            let mut viewer = network.viewer(ViewerOptions {
+                transition,
+                ..ViewerOptions::default()
+            });
+            let metadata = viewer.document.metadata.clone();
+            let (mut leaving, mut arriving, mut steady) = (0, 0, 0);
+            for frame in 0..300u16 {
+                if frame % 60 == 0 {
+                    let away = 0.6 + 6.0 * f64::from(frame / 60 % 2);
+                    viewer.set_camera(Camera::standard(&metadata, 0, away).unwrap());
+                }
+                network.frame(&mut viewer, 0.03);
+                let Some(fading) = &viewer.fading else {
+                    continue;
+                };
+                let view = viewer.view.unwrap();
+                let slots = |list: &ClusterList| -> BTreeSet<u32> {
+                    assert!(list.morphs.is_empty());
+                    list.runs.iter().cloned().flatten().collect()
+                };
+                let of = |drawn: &Drawn| -> BTreeSet<u32> {
+                    let all = cluster::drawn(&viewer.document, &drawn.cut).into_iter();
+                    all.filter_map(|id| viewer.cluster(&view, drawn, id))
+                        .map(|cluster| cluster.slot)
+                        .collect()
+                };
+                let (both, old) = (slots(&viewer.cluster_list), slots(&fading.leaving_clusters));
+                let new = slots(&fading.arriving_clusters);
+                assert!(both.is_disjoint(&old) && both.is_disjoint(&new) && old.is_disjoint(&new));
+                let fade = viewer.fade.as_ref().unwrap();
+                assert_eq!(&both | &old, of(&fade.leaving));
+                assert_eq!(&both | &new, of(&viewer.drawn));
+                leaving += old.len();
+                arriving += new.len();
+                steady += both.len();
+            }
+            assert!(
+                leaving > 20 && arriving > 20 && steady > 0,
+                "{leaving} {arriving} {steady}"
+            );
             network.settle(&mut viewer);
             assert!(viewer.fading.is_none());
         }

@@ -183,7 +183,7 @@ impl Viewer {
 fn mips_of(decoded: Result<Decoded, String>) -> Result<Vec<crate::colour::upload::Mip>, String> {
     match decoded? {
         Decoded::Image(mips) => Ok(mips),
-        Decoded::Page(_) => Err("is no image".to_owned()),
+        Decoded::Samples(_) | Decoded::Cluster(..) => Err("is no image".to_owned()),
     }
 }
 

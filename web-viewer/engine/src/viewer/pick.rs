@@ -86,7 +86,7 @@ impl Viewer {
         let surface = |part: Part| match part {
             Part::Leaf(leaf) => self.patch_of(leaf, &at_rest).map(Surface::Patch),
             Part::Cluster(id) => Some(Surface::Cluster(match document.page_of_cluster(id) {
-                Some(page) => self.table.cluster_mesh(page)?,
+                Some(page) => self.table.cluster_mesh(Some(page))?,
                 None => &document.clusters.as_ref()?.root,
             })),
         };

@@ -11,7 +11,7 @@ use crate::lod::cut::Cut;
 use crate::lod::desire::{Target, cluster_importance_px, importance_px};
 use crate::lod::residency::{NeededPage, needed_pages};
 use crate::residency::page_table::{bytes_of, bytes_of_cluster};
-use marquetry_format::PageId;
+use marquetry_format::{ClusterGroupId, PageId};
 
 /// Steps of the target error to a factor of two.
 const BUDGET_STEPS_PER_OCTAVE: f64 = 4.0;
@@ -96,6 +96,7 @@ impl Viewer {
                 page: what.page,
                 parent: what.parent,
                 node: Some(what.node),
+                group: None,
                 importance_px: self.importance_px(view, what),
                 allowed: true,
             });
@@ -107,20 +108,31 @@ impl Viewer {
                 page: what.page,
                 parent: what.parent,
                 node: None,
+                group: above.and_then(|node| node.group),
                 importance_px: above.map_or(0.0, |node| cluster_importance_px(view, node)),
                 allowed: true,
             });
         }
     }
 
+    /// Pages of the members of a group.
+    fn members(&self, group: Option<ClusterGroupId>) -> impl Iterator<Item = PageId> + '_ {
+        let clusters = self.document.clusters.as_ref();
+        let group = group.and_then(|id| clusters?.group(id));
+        let members = group.into_iter().flat_map(|group| &group.members);
+        members.filter_map(|&id| self.document.page_of_cluster(id))
+    }
+
     /// Adds a page, which is allowed where its parent and the filter let it pass.
     fn add_needed(&mut self, mut needed: Needed) {
-        let parent = needed
-            .parent
-            .and_then(|parent| self.needed_index.get(&parent));
-        let parent_allowed = parent
-            .and_then(|index| self.needed.get(*index))
-            .is_none_or(|parent| parent.allowed);
+        let is_allowed = |page: &PageId| {
+            let index = self.needed_index.get(page);
+            index
+                .and_then(|&index| self.needed.get(index))
+                .is_none_or(|needed| needed.allowed)
+        };
+        let parent_allowed = needed.parent.iter().all(is_allowed)
+            && self.members(needed.group).all(|page| is_allowed(&page));
         needed.allowed = parent_allowed
             && self
                 .filter

@@ -3,12 +3,13 @@
 use super::jobs::Subject;
 use super::{Needed, Viewer};
 use crate::Request;
-use crate::decode::{DecodeJob, Decoded, Decoding, Work};
+use crate::decode::{DecodeJob, Decoded, Decoding, PageWork, Work};
+use crate::lod::cluster::target::GroupSurface;
 use crate::lod::mesh::base_of;
 use crate::residency::fetch::Item;
 use crate::residency::page_table::{Budget, bytes_of};
 use marquetry_format::quadtree::PAGE_RESOLUTION;
-use marquetry_format::{DecodedPage, PageId, PageTask};
+use marquetry_format::{PageId, PageTask};
 use std::sync::Arc;
 
 /// Samples that decoding a cluster counts for.
@@ -62,7 +63,9 @@ impl Viewer {
                 continue;
             };
             let has_parent = what.parent.is_none_or(|parent| self.table.contains(parent));
-            let Some(room) = self.room_for(what).filter(|_| has_parent) else {
+            let above = self.surface_above(what);
+            let is_decodable = has_parent && (above.is_some() || what.node.is_some());
+            let Some(room) = self.room_for(what).filter(|_| is_decodable) else {
                 continue;
             };
             if !self.reserve(what, room) {
@@ -72,13 +75,19 @@ impl Viewer {
             match self.task(what, bytes) {
                 Ok(task) => {
                     let subject = Subject::Page(page);
-                    let job = self.jobs.begin(subject, room.bytes, Work::Page(task));
+                    let work = Work::Page(PageWork { task, above });
+                    let job = self.jobs.begin(subject, room.bytes, work);
                     return Some((job, room.resolution.map_or(CLUSTER_COST, samples_of)));
                 }
                 Err(reason) => self.refuse_page(page, &reason),
             }
         }
         None
+    }
+
+    /// What a cluster moves to; `None` for a page of samples, and while some member of the group above is not there.
+    fn surface_above(&mut self, what: Needed) -> Option<Arc<GroupSurface>> {
+        self.table.group_surface(&self.document, what.group?)
     }
 
     fn needed_page(&self, page: PageId) -> Option<Needed> {
@@ -145,7 +154,7 @@ impl Viewer {
         }
         let taken = match decoded {
             Err(reason) => Err(reason),
-            Ok(Decoded::Page(DecodedPage::Samples(samples))) => {
+            Ok(Decoded::Samples(samples)) => {
                 let entry = self.document.page(page);
                 let has_children = entry.is_some_and(|entry| entry.has_children);
                 let taken = self.table.insert(page, samples, has_children);
@@ -153,10 +162,10 @@ impl Viewer {
                     .then_some(())
                     .ok_or_else(|| "has another resolution than its index says".to_owned())
             }
-            Ok(Decoded::Page(DecodedPage::Cluster(mesh))) => {
+            Ok(Decoded::Cluster(mesh, targets)) => {
                 let node = self.document.cluster_node_of_page(page);
                 let level = node.map_or(0, |node| node.level);
-                let taken = self.table.insert_cluster(page, level, mesh);
+                let taken = self.table.insert_cluster(page, level, mesh, &targets);
                 taken
                     .then_some(())
                     .ok_or_else(|| "is no cluster's".to_owned())

@@ -5,6 +5,7 @@ mod groups;
 use super::*;
 use crate::colour::map::NO_TILES;
 use crate::lod::balance;
+use crate::lod::cluster;
 use crate::lod::cut::{Across, SIDES};
 use crate::lod::desire::Target;
 use crate::lod::residency::needed_pages;
@@ -135,12 +136,21 @@ pub(super) fn check(viewer: &Viewer) {
         let tree = viewer.document.clusters.as_ref().unwrap();
         seen += u64::from(view.sees(&tree.node(id).unwrap().bounds));
     }
+    // What moves is drawn itself, and not in part by what is finer.
+    for id in drawn.group_morphs.keys() {
+        let tree = viewer.document.clusters.as_ref().unwrap();
+        let mut children = tree.group(*id).unwrap().children.clone();
+        assert!(!children.any(|child| drawn.cut.is_cluster_split(ClusterId(child))));
+    }
     // Every leaf and every cluster that may be seen is in memory: no hole. While a picture fades the old one's are drawn, too.
     match &viewer.fade {
         None => assert_eq!(stats.nodes, seen),
         Some(fade) => {
             assert!(stats.nodes >= seen);
             for needed in needed_pages(&fade.leaving.cut, &viewer.document) {
+                assert!(viewer.table.contains(needed.page));
+            }
+            for needed in cluster::needed(&viewer.document, &fade.leaving.cut) {
                 assert!(viewer.table.contains(needed.page));
             }
         }

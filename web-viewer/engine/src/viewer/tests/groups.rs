@@ -77,7 +77,7 @@ fn middles_met(viewer: &Viewer) -> usize {
     let mut met = 0;
     for id in cluster::drawn(document, &viewer.drawn().cut) {
         let mesh = match document.page_of_cluster(id) {
-            Some(page) => viewer.table.cluster_mesh(page).unwrap(),
+            Some(page) => viewer.table.cluster_mesh(Some(page)).unwrap(),
             None => &document.clusters.as_ref().unwrap().root,
         };
         let corners = mesh.triangles[0].map(|corner| {

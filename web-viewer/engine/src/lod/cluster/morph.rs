@@ -1,0 +1,101 @@
+//! Rule R6 for clusters: groups that are split and groups that are not take each other's place without a jump.
+//!
+//! The children of a group appear where its members show their vertices (morph 1, [`target`](super::target)) and move to their own
+//! places (0); they give way once they are back. All children of a group move alike, and its outer border does not move. So two conditions
+//! keep everything whole: children move only while none of their own groups is split, since the border between such a group
+//! and other children lies within the surface that moves; and a group is split only while none of its members moves.
+//!
+//! Whatever is on the way gets there: of the groups that are to be merged the lowest have no split group below them, and of those that
+//! are to be split the highest have members that are wanted, whose morphs end at 0.
+
+use super::descend;
+use crate::lod::cut::Cut;
+use marquetry_format::{ClusterGroup, ClusterGroupId, ClusterId, Clusters, Document};
+use std::collections::{BTreeMap, BTreeSet};
+
+/// How far the children of split groups are on their way to what their group's members show: 0 = own places, 1 = there. Absent = 0.
+pub type GroupMorphs = BTreeMap<ClusterGroupId, f32>;
+
+/// The morph of a cluster: that of the group that it is a child of.
+pub fn morph_of(clusters: &Clusters, morphs: &GroupMorphs, id: ClusterId) -> f32 {
+    above(clusters, id)
+        .and_then(|group| morphs.get(&group))
+        .copied()
+        .unwrap_or(0.0)
+}
+
+/// The group that a cluster is a child of; `None` for the root.
+fn above(clusters: &Clusters, id: ClusterId) -> Option<ClusterGroupId> {
+    clusters.node(clusters.node(id)?.parent?)?.group
+}
+
+/// Moves what `cut` draws of the clusters towards what `target` draws, every morph by at most `step` of its group (above 0; 1 is the
+/// whole way). Whether another cut is drawn than before.
+pub fn advance(
+    document: &Document,
+    cut: &mut Cut,
+    morphs: &mut GroupMorphs,
+    target: &Cut,
+    step: impl Fn(&ClusterGroup) -> f32,
+) -> bool {
+    let Some(clusters) = &document.clusters else {
+        return false;
+    };
+    let mut changes = false;
+    for id in split_groups(clusters, cut) {
+        let Some(group) = clusters.group(id) else {
+            continue;
+        };
+        let children = || group.children.clone().map(ClusterId);
+        let merges =
+            !target.is_group_split(group) && !children().any(|child| cut.is_cluster_split(child));
+        let morph = morphs.get(&id).copied().unwrap_or(0.0);
+        let morph = if merges {
+            morph + step(group)
+        } else {
+            morph - step(group)
+        };
+        if morph >= 1.0 {
+            cut.merge_group(group);
+            changes = true;
+        }
+        if morph > 0.0 && morph < 1.0 {
+            morphs.insert(id, morph);
+        } else {
+            morphs.remove(&id);
+        }
+    }
+    let mut refined = Vec::new();
+    let splits = |group: &ClusterGroup| {
+        let is_split = cut.is_group_split(group);
+        let moves = |&id: &ClusterId| morph_of(clusters, morphs, id) > 0.0;
+        if !is_split && target.is_group_split(group) && !group.members.iter().any(moves) {
+            refined.push(group.clone());
+        }
+        is_split
+    };
+    descend(document, splits, |_, _, _| ());
+    for group in refined {
+        let first = group.members.first().and_then(|&id| clusters.node(id));
+        if let Some(id) = first.and_then(|node| node.group) {
+            cut.split_group(&group);
+            changes = true;
+            // Where all of the way is one step there is nothing to show of it.
+            if step(&group) < 1.0 {
+                morphs.insert(id, 1.0);
+            }
+        }
+    }
+    changes
+}
+
+/// The groups that `cut` splits, those below first.
+fn split_groups(clusters: &Clusters, cut: &Cut) -> Vec<ClusterGroupId> {
+    let nodes = cut.split_clusters();
+    let groups: BTreeSet<ClusterGroupId> =
+        nodes.filter_map(|id| clusters.node(id)?.group).collect();
+    groups.into_iter().rev().collect()
+}
+
+#[cfg(test)]
+mod tests;

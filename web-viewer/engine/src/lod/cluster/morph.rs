@@ -5,6 +5,8 @@
 //! keep everything whole: children move only while none of their own groups is split, since the border between such a group
 //! and other children lies within the surface that moves; and a group is split only while none of its members moves.
 //!
+//! Groups that are only passed by, since something finer or coarser is wanted, move faster.
+//!
 //! Whatever is on the way gets there: of the groups that are to be merged the lowest have no split group below them, and of those that
 //! are to be split the highest have members that are wanted, whose morphs end at 0.
 
@@ -12,6 +14,9 @@ use super::descend;
 use crate::lod::cut::Cut;
 use marquetry_format::{ClusterGroup, ClusterGroupId, ClusterId, Clusters, Document};
 use std::collections::{BTreeMap, BTreeSet};
+
+/// Many levels at once do not take as many times as long.
+const HASTE: f32 = 3.0;
 
 /// How far the children of split groups are on their way to what their group's members show: 0 = own places, 1 = there. Absent = 0.
 pub type GroupMorphs = BTreeMap<ClusterGroupId, f32>;
@@ -49,12 +54,9 @@ pub fn advance(
         let children = || group.children.clone().map(ClusterId);
         let merges =
             !target.is_group_split(group) && !children().any(|child| cut.is_cluster_split(child));
+        let step = step(group) * haste(clusters, group, target);
         let morph = morphs.get(&id).copied().unwrap_or(0.0);
-        let morph = if merges {
-            morph + step(group)
-        } else {
-            morph - step(group)
-        };
+        let morph = if merges { morph + step } else { morph - step };
         if morph >= 1.0 {
             cut.merge_group(group);
             changes = true;
@@ -87,6 +89,19 @@ pub fn advance(
         }
     }
     changes
+}
+
+/// How much faster a group moves that is only passed by on the way to `target`.
+fn haste(clusters: &Clusters, group: &ClusterGroup, target: &Cut) -> f32 {
+    let is_passed_by = if target.is_group_split(group) {
+        let mut children = group.children.clone();
+        children.any(|child| target.is_cluster_split(ClusterId(child)))
+    } else {
+        let above = group.members.iter().filter_map(|&id| above(clusters, id));
+        let mut above = above.filter_map(|id| clusters.group(id));
+        above.any(|above| !target.is_group_split(above))
+    };
+    if is_passed_by { HASTE } else { 1.0 }
 }
 
 /// The groups that `cut` splits, those below first.

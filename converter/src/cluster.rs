@@ -9,6 +9,7 @@
 //! have triangles, as CAD models do ([`select::Selection::take_all`]), or are torn to shreds, as photogrammetry can be.
 
 pub mod bound;
+mod direct;
 mod graph;
 mod group;
 pub mod leaf;
@@ -24,6 +25,8 @@ pub use trim::Budget;
 use crate::mesh::ManifoldMesh;
 use glam::DVec3;
 use graph::Graph;
+use leaf::upwards;
+use marquetry_evaluation::distance::Indexed;
 use marquetry_format::Lattice;
 use marquetry_format::writer::ClusterInput;
 
@@ -112,18 +115,63 @@ impl Layer {
         self.show(trim::trimmed(&self.graph, budget));
     }
 
+    /// Replaces the bounds of all leaves, sums of what each step did, by what can be guaranteed of `surface`, which is all of them as [`append_finest`] has it,
+    /// and `source`, of which the largest distance found is `found`, a length. What is above the leaves gains as much.
+    pub fn tighten(&mut self, surface: &Indexed<'_>, source: &Indexed<'_>, found: f64) {
+        let leaves: Vec<direct::Leaf> = self
+            .leaves()
+            .map(|leaf| direct::Leaf {
+                triangles: leaf.mesh.triangles.len(),
+                bound: f64::from(leaf.error) * self.step,
+            })
+            .collect();
+        let mut bounds = direct::bounds(surface, source, &leaves, found)
+            .into_iter()
+            .map(|bound| bound / self.step);
+        let mut new = vec![0.0_f32; self.nodes.len()];
+        for (id, node) in self.nodes.iter().enumerate() {
+            if node.children.is_empty() {
+                new[id] = upwards(bounds.next().unwrap_or(f64::INFINITY));
+            }
+        }
+        // Children follow what they replace, and keep their distance from it.
+        for id in (0..self.nodes.len()).rev() {
+            let node = &self.nodes[id];
+            if node.children.is_empty() {
+                continue;
+            }
+            let most = |of: &dyn Fn(usize) -> f32| {
+                let children = node.children.iter().map(|&child| of(child as usize));
+                f64::from(children.fold(0.0, f32::max))
+            };
+            let step = f64::from(node.error) - most(&|child| self.nodes[child].error);
+            new[id] = upwards(most(&|child| new[child]) + step);
+        }
+        for (node, error) in self.nodes.iter_mut().zip(new) {
+            node.error = error;
+        }
+        self.state_error();
+    }
+
     /// Whether something was left out.
     pub fn is_trimmed(&self) -> bool {
         self.nodes.len() < self.graph.len()
     }
 
     fn show(&mut self, nodes: Vec<ClusterInput>) {
-        let leaves = || nodes.iter().filter(|node| node.children.is_empty());
-        let max_error = leaves().map(|leaf| leaf.error).fold(0.0, f32::max);
-        self.max_error = f64::from(max_error) * self.step;
-        self.summary.nodes = nodes.len();
-        self.summary.leaves = leaves().count();
         self.nodes = nodes;
+        self.summary.nodes = self.nodes.len();
+        self.summary.leaves = self.leaves().count();
+        self.state_error();
+    }
+
+    fn state_error(&mut self) {
+        let max_error = self.leaves().map(|leaf| leaf.error).fold(0.0, f32::max);
+        self.max_error = f64::from(max_error) * self.step;
+    }
+
+    fn leaves(&self) -> impl Iterator<Item = &ClusterInput> {
+        self.nodes.iter().filter(|node| node.children.is_empty())
     }
 }
 

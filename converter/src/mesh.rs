@@ -24,6 +24,7 @@ use crate::texture::appearance::Appearance;
 use account::{Account, Reason, Topology};
 use adjacency::EdgeTable;
 use glam::DVec3;
+use marquetry_evaluation::distance::Mesh;
 
 /// No vertex, half-edge or face.
 pub const NONE: u32 = u32::MAX;
@@ -59,6 +60,16 @@ pub struct WeldedMesh {
     pub colours: Vec<[u8; 3]>,
     /// Triangles, in the order of the import.
     pub triangles: Vec<[u32; 3]>,
+}
+
+impl WeldedMesh {
+    /// As what distances are measured of.
+    pub fn surface(&self) -> Mesh<'_> {
+        Mesh {
+            positions: &self.positions,
+            triangles: &self.triangles,
+        }
+    }
 }
 
 /// An oriented 2-manifold with border. Every vertex has one fan of triangles; every edge has one or two.

@@ -4,31 +4,32 @@ mod charts;
 mod error;
 mod frame;
 mod measure;
+mod prepare;
 mod stages;
 
 pub use error::ConvertError;
 
 use crate::atlas::{build, quantize};
 use crate::cluster::{self, Room, select::Selection};
-use crate::import::{self, ImportReport};
+use crate::import::ImportReport;
 use crate::memory;
+use crate::mesh::ManifoldMesh;
 use crate::mesh::account::Account;
-use crate::mesh::decimate::{self, Goal};
-use crate::mesh::{self, ImportedMesh, ManifoldMesh};
+use crate::mesh::decimate;
 use crate::output::PendingFile;
 use crate::process;
 use crate::report::{FitReport, InputReport, Lost, Merged, OutputReport, Report};
 use crate::texture::build::TextureError;
 use crate::texture::stage::{TextureReport, Textures};
 use charts::Charts;
-use frame::{Frame, bounds};
-use glam::DVec3;
+use frame::Frame;
 use marquetry_evaluation::distance;
 use marquetry_format::reader::Document;
 use marquetry_format::source::FileSource;
 use marquetry_format::writer::ColourInput;
 use marquetry_format::{ColourIndex, ContentKind, Limits, Metadata, writer};
 use measure::TRIM_AIM;
+use prepare::{Built, Origin, Prepared};
 use stages::Stages;
 use std::io::Write;
 use std::path::Path;
@@ -130,17 +131,6 @@ pub fn convert(
     })
 }
 
-/// An import, ready to be converted.
-struct Prepared {
-    mesh: ManifoldMesh,
-    account: Account,
-    frame: Frame,
-    /// Some of the vertices that decimation took away.
-    gone: Vec<DVec3>,
-    /// Whether charts are of no use, or not wanted.
-    without_charts: bool,
-}
-
 struct Conversion<'a> {
     input: &'a Path,
     output: &'a Path,
@@ -177,57 +167,16 @@ impl Conversion<'_> {
         let (mut imported, import_report) = self.import()?;
         let textures = Textures::take(&mut imported, self.options.memory_bytes)
             .map_err(|source| self.texture_error(source.into()))?;
-        let Prepared {
-            mesh,
+        let Built {
             account,
             frame,
-            gone,
-            without_charts,
-        } = self.prepare(imported, &textures)?;
-        let mut selection = cluster::select::select(mesh);
-        if without_charts && selection.can_take_all() {
-            selection.take_all(usize::MAX);
-        }
-        let most_samples = if selection.can_take_all() {
-            (selection.rest.triangles.len() as u64)
-                .saturating_mul(self.options.samples_per_triangle)
-        } else {
-            u64::MAX
-        };
-        let caps = self.cut(&mut selection, &textures, &frame)?;
-        let charts = self.charts(&selection.rest, &caps, &textures, &frame, most_samples)?;
-        let charts = charts.unwrap_or_else(|| {
-            selection.take_all(caps.source_triangles);
-            Charts::default()
-        });
-        let Charts {
             atlas,
             colour,
             layout,
-        } = charts;
-        // Caps are no part of the source.
-        selection.rest.triangles.truncate(caps.source_triangles);
-        let Selection {
-            rest: surface,
-            mut small,
-            mut components,
-        } = selection;
-        let mut clusters = if components.is_empty() {
-            None
-        } else {
-            Some(self.clusters(&mut small, &mut components, &textures, &frame)?)
-        };
-
-        self.begin("measure")?;
-        // What is left to do with the mesh is to measure against it.
-        let (positions, triangles) = cluster::select::joined(surface, &small);
-        drop(small);
-        let source = distance::Mesh {
-            positions: &positions,
-            triangles: &triangles,
-        };
-        let error = self.measured(source, &gone, &atlas, clusters.as_mut(), &frame)?;
-        drop((positions, triangles));
+            clusters,
+            error,
+        } = self.built(imported, &textures)?;
+        self.judge(&error)?;
 
         self.begin("write")?;
         let metadata = Metadata {
@@ -279,6 +228,81 @@ impl Conversion<'_> {
         })
     }
 
+    /// What is made of a surface, measured against what it came from.
+    fn build(
+        &mut self,
+        prepared: Prepared<'_>,
+        textures: &Textures,
+    ) -> Result<Built, ConvertError> {
+        let Prepared {
+            mesh,
+            account,
+            frame,
+            origin,
+            without_charts,
+        } = prepared;
+        let mut selection = cluster::select::select(mesh);
+        if without_charts && selection.can_take_all() {
+            selection.take_all(usize::MAX);
+        }
+        let most_samples = if selection.can_take_all() {
+            (selection.rest.triangles.len() as u64)
+                .saturating_mul(self.options.samples_per_triangle)
+        } else {
+            u64::MAX
+        };
+        let caps = self.cut(&mut selection, textures, &frame)?;
+        let charts = self.charts(&selection.rest, &caps, textures, &frame, most_samples)?;
+        let charts = charts.unwrap_or_else(|| {
+            selection.take_all(caps.source_triangles);
+            Charts::default()
+        });
+        let Charts {
+            atlas,
+            colour,
+            layout,
+        } = charts;
+        // Caps are no part of the source.
+        selection.rest.triangles.truncate(caps.source_triangles);
+        let Selection {
+            rest: surface,
+            mut small,
+            mut components,
+        } = selection;
+        let mut clusters = if components.is_empty() {
+            None
+        } else {
+            Some(self.clusters(&mut small, &mut components, textures, &frame)?)
+        };
+
+        self.begin("measure")?;
+        // What is left to do with the mesh is to measure against it.
+        let error = match origin {
+            Origin::Kept(source) => {
+                drop((surface, small));
+                self.measured(source.surface(), &[], &atlas, clusters.as_mut(), &frame)?
+            }
+            Origin::Gone(gone) => {
+                let (positions, triangles) = cluster::select::joined(surface, &small);
+                drop(small);
+                let source = distance::Mesh {
+                    positions: &positions,
+                    triangles: &triangles,
+                };
+                self.measured(source, &gone, &atlas, clusters.as_mut(), &frame)?
+            }
+        };
+        Ok(Built {
+            account,
+            frame,
+            atlas,
+            colour,
+            layout,
+            clusters,
+            error,
+        })
+    }
+
     /// The tree of `components`, lists of triangles of `small`, with its textures.
     fn clusters(
         &mut self,
@@ -316,73 +340,6 @@ impl Conversion<'_> {
         Ok(layer)
     }
 
-    /// The surface to convert: welded, without triangles that there are far too many of, and manifold.
-    fn prepare(
-        &mut self,
-        imported: ImportedMesh,
-        textures: &Textures,
-    ) -> Result<Prepared, ConvertError> {
-        let has_colours = !imported.colours.is_empty();
-        self.begin("weld")?;
-        let (mut welded, mut account) = mesh::weld(imported).map_err(|e| e.in_file(self.input))?;
-        let (mut gone, mut without_charts) = (Vec::new(), !self.options.charts);
-        let most = self.options.decimate_above;
-        if !has_colours && !textures.has_images() {
-            let (min, max) = bounds(&welded.positions);
-            let target = self.options.error_rel * (max - min).length();
-            without_charts = without_charts || decimate::is_torn(&welded);
-            let goal = if without_charts {
-                Some(Goal::for_clusters(target))
-            } else {
-                (welded.triangles.len() > most).then(|| Goal::for_charts(target, most / 2))
-            };
-            if let Some(goal) = goal {
-                self.begin("decimate")?;
-                (account.decimated, gone) = decimate::decimate(&mut welded, goal);
-            }
-        }
-        self.begin("manifold")?;
-        let mesh = mesh::orient(welded, &mut account);
-        let frame = Frame::of(
-            &mesh,
-            self.options.error_rel,
-            has_colours,
-            account.decimated,
-        );
-        Ok(Prepared {
-            mesh,
-            account,
-            frame,
-            gone,
-            without_charts,
-        })
-    }
-
-    fn import(&mut self) -> Result<(ImportedMesh, ImportReport), ConvertError> {
-        if let Some(triangles) = import::announced_triangles(self.input) {
-            self.refuse_too_large(triangles)?;
-        }
-        self.begin("import")?;
-        let (mesh, report) = import::import(self.input)?;
-        self.refuse_too_large(report.triangles)?;
-        self.refuse_non_finite(&mesh)?;
-        Ok((mesh, report))
-    }
-
-    /// Refuses what is known not to fit before memory is taken for it.
-    fn refuse_too_large(&self, triangles: u64) -> Result<(), ConvertError> {
-        let (needed, allowed) = (memory::estimate(triangles), self.options.memory_bytes);
-        if needed <= allowed {
-            return Ok(());
-        }
-        Err(ConvertError::TooLarge {
-            path: self.input.to_owned(),
-            triangles,
-            needed,
-            allowed,
-        })
-    }
-
     fn input_report(&self, import: &ImportReport, account: &Account) -> InputReport {
         InputReport {
             path: self.input.display().to_string(),
@@ -401,18 +358,6 @@ impl Conversion<'_> {
         ConvertError::Textures {
             path: self.input.to_owned(),
             source,
-        }
-    }
-
-    fn refuse_non_finite(&self, mesh: &ImportedMesh) -> Result<(), ConvertError> {
-        let mut bad = (0..mesh.positions.len()).filter(|&v| !mesh::is_place(mesh.positions[v]));
-        match bad.next() {
-            Some(first) if !self.options.allow_worse => Err(ConvertError::NotFinite {
-                path: self.input.to_owned(),
-                first,
-                count: 1 + bad.count(),
-            }),
-            _ => Ok(()),
         }
     }
 

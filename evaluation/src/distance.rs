@@ -10,10 +10,12 @@
 //! between two samples; the guaranteed bound comes from the converter.
 
 mod bvh;
+mod indexed;
 mod sampling;
 mod triangle;
 
 pub use bvh::{Bvh, Closest};
+pub use indexed::Indexed;
 pub use triangle::{closest_point, normal};
 
 use glam::DVec3;
@@ -157,14 +159,7 @@ impl Distances {
 pub fn measure(first: Mesh<'_>, second: Mesh<'_>, samples: u64) -> Result<Distances, MeshError> {
     let samples = samples.max(1);
     let [forward, backward] = both_ways(first, second, samples, one_way)?;
-    let mut angles = forward.angles.clone();
-    angles.merge(&backward.angles);
-    Ok(Distances {
-        forward: forward.distances(),
-        backward: backward.distances(),
-        normal_deviation_deg: angles.deviation(),
-        samples,
-    })
+    Ok(of_both(&forward, &backward, samples))
 }
 
 /// The symmetric RMS distance that [`measure`] finds; quicker, as vertices are not looked at.
@@ -194,6 +189,17 @@ fn both_ways(
     drop(tree);
     let tree = Bvh::new(first.positions, first.triangles)?;
     Ok([forward, one_way(second, first, &tree, samples)])
+}
+
+fn of_both(forward: &Sums, backward: &Sums, samples: u64) -> Distances {
+    let mut angles = forward.angles.clone();
+    angles.merge(&backward.angles);
+    Distances {
+        forward: forward.distances(),
+        backward: backward.distances(),
+        normal_deviation_deg: angles.deviation(),
+        samples,
+    }
 }
 
 /// Distances from points to a mesh; the RMS counts each point alike. Zero without points.

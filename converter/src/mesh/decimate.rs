@@ -13,11 +13,14 @@
 //!
 //! Limits: border vertices and those of non-manifold edges stay; meshes with colours of vertices stay as they are.
 
+mod aimed;
 mod change;
 mod collapse;
 mod quadric;
 #[cfg(test)]
 mod tests;
+
+pub use aimed::{MOST_KEPT, aimed};
 
 use super::adjacency::{EdgeTable, UnionFind, end, id, start};
 use super::{NONE, WeldedMesh, weld};
@@ -54,7 +57,7 @@ impl Goal {
         }
     }
 
-    /// Of a mesh whose triangles are shown as they are.
+    /// Of a mesh whose triangles are shown as they are, and that is too large to be measured in between ([`aimed()`]).
     pub fn for_clusters(target: f64) -> Self {
         Self {
             rms: 0.7 * target,
@@ -93,7 +96,7 @@ pub fn is_torn(mesh: &WeldedMesh) -> bool {
 /// Edges shorter than this, over the edge of equal triangles, are collapsed; the edges left are about as long as those.
 const SHORT: f64 = 0.8;
 /// Triangles of a block.
-const BLOCK: usize = 1 << 18;
+const BLOCK: usize = 1 << 16;
 
 /// What decimation did.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
@@ -105,7 +108,7 @@ pub struct Decimated {
     /// Upper bound of the Hausdorff distance between both meshes.
     pub bound: f64,
     /// RMS distance from the vertices taken away to the mesh that is left, the sum of both passes, each measured at one in
-    /// eight of them.
+    /// eight of them; where it was [aimed()] that from samples of the source.
     pub rms: f64,
 }
 
@@ -124,11 +127,14 @@ pub fn decimate(mesh: &mut WeldedMesh, goal: Goal) -> (Decimated, Vec<DVec3>) {
         edge: SHORT * edge,
         rms,
         bound,
+        notes_gone: true,
     };
     for origin in [0.0, 0.6] {
-        let pass = pass(mesh, limits, origin);
+        let pass = Pass::over(mesh, limits, origin);
         decimated.bound += pass.bound;
-        decimated.rms += pass.rms;
+        decimated.rms += pass.rms();
+        mesh.triangles = pass.triangles;
+        moved(&mut mesh.positions, &pass.moved);
         if gone.is_empty() {
             // Those of the second pass are no vertices of the source.
             gone = pass.gone;
@@ -140,56 +146,74 @@ pub fn decimate(mesh: &mut WeldedMesh, goal: Goal) -> (Decimated, Vec<DVec3>) {
     (decimated, gone)
 }
 
-/// How far a pass moved the surface, lengths, and some of the vertices that it took away.
+/// What collapses in all blocks of a mesh leave of it.
 struct Pass {
+    triangles: Vec<[u32; 3]>,
+    /// New places of vertices.
+    moved: Vec<(u32, DVec3)>,
+    /// Bound of the distance that the surface moved.
     bound: f64,
-    rms: f64,
+    /// Some of the vertices taken away, and the sum of their squared distances.
     gone: Vec<DVec3>,
+    squares: f64,
 }
 
-/// Collapses edges of all blocks, on a curve whose cells start `origin` of the extent below the mesh.
-fn pass(mesh: &mut WeldedMesh, limits: Limits, origin: f64) -> Pass {
-    /// Of a vertex that several blocks have.
-    const SHARED: u32 = NONE - 1;
-    let order = along_curve(mesh, origin);
-    let mut owner = vec![NONE; mesh.positions.len()];
-    for (block, number) in order.chunks(BLOCK).zip(0..) {
-        for &t in block {
-            for v in mesh.triangles[t as usize] {
-                let owner = &mut owner[v as usize];
-                *owner = if *owner == NONE || *owner == number {
-                    number
-                } else {
-                    SHARED
-                };
+impl Pass {
+    /// Collapses edges of all blocks of `mesh`, on a curve whose cells start `origin` of the extent below it.
+    fn over(mesh: &WeldedMesh, limits: Limits, origin: f64) -> Self {
+        /// Of a vertex that several blocks have.
+        const SHARED: u32 = NONE - 1;
+        let order = along_curve(mesh, origin);
+        let mut owner = vec![NONE; mesh.positions.len()];
+        for (block, number) in order.chunks(BLOCK).zip(0..) {
+            for &t in block {
+                for v in mesh.triangles[t as usize] {
+                    let owner = &mut owner[v as usize];
+                    *owner = if *owner == NONE || *owner == number {
+                        number
+                    } else {
+                        SHARED
+                    };
+                }
             }
         }
-    }
-    let blocks: Vec<Collapsed> = order
-        .par_chunks(BLOCK)
-        .map(|block| {
-            let triangles: Vec<[u32; 3]> =
-                block.iter().map(|&t| mesh.triangles[t as usize]).collect();
-            let is_shared = |v: u32| owner[v as usize] == SHARED;
-            collapse::collapse(&mesh.positions, &triangles, is_shared, limits)
-        })
-        .collect();
-    drop(order);
-    mesh.triangles = Vec::with_capacity(blocks.iter().map(|b| b.triangles.len()).sum());
-    let (mut bound, mut squares, mut gone) = (0.0_f64, 0.0, Vec::new());
-    for block in blocks {
-        mesh.triangles.extend(block.triangles);
-        for (v, position) in block.moved {
-            mesh.positions[v as usize] = position;
+        let blocks: Vec<Collapsed> = order
+            .par_chunks(BLOCK)
+            .map(|block| {
+                let triangles: Vec<[u32; 3]> =
+                    block.iter().map(|&t| mesh.triangles[t as usize]).collect();
+                let is_shared = |v: u32| owner[v as usize] == SHARED;
+                collapse::collapse(&mesh.positions, &triangles, is_shared, limits)
+            })
+            .collect();
+        drop((order, owner));
+        let mut pass = Self {
+            triangles: Vec::with_capacity(blocks.iter().map(|b| b.triangles.len()).sum()),
+            moved: Vec::with_capacity(blocks.iter().map(|b| b.moved.len()).sum()),
+            bound: 0.0,
+            gone: Vec::new(),
+            squares: 0.0,
+        };
+        for block in blocks {
+            pass.triangles.extend(block.triangles);
+            pass.moved.extend(block.moved);
+            pass.bound = pass.bound.max(block.bound);
+            pass.squares += block.squares;
+            pass.gone.extend(block.gone);
         }
-        bound = bound.max(block.bound);
-        squares += block.squares;
-        gone.extend(block.gone);
+        pass
     }
-    Pass {
-        bound,
-        rms: (squares / gone.len().max(1) as f64).sqrt(),
-        gone,
+
+    /// RMS distance of the vertices taken away.
+    fn rms(&self) -> f64 {
+        (self.squares / self.gone.len().max(1) as f64).sqrt()
+    }
+}
+
+/// Puts vertices to new places.
+fn moved(positions: &mut [DVec3], places: &[(u32, DVec3)]) {
+    for &(v, place) in places {
+        positions[v as usize] = place;
     }
 }
 

@@ -27,12 +27,14 @@ impl Frame {
         error_rel: f64,
         has_colours: bool,
         decimated: Decimated,
+        without_charts: bool,
     ) -> Self {
         let (min, max) = bounds(&mesh.positions);
         let diagonal = (max - min).length();
         // Squares of what decimation and sampling do add up where they have nothing to do with each other; a bit more is left for
-        // where they do.
-        let target = (error_rel * diagonal).powi(2) - 2.0 * decimated.rms.powi(2);
+        // where they do, as a fit follows what decimation left.
+        let counted = if without_charts { 1.0 } else { 2.0 };
+        let target = (error_rel * diagonal).powi(2) - counted * decimated.rms.powi(2);
         let target = target.max(0.0).sqrt();
         Self {
             min,
@@ -56,8 +58,20 @@ impl Frame {
 
     /// Bound of the distance that leaves of clusters may have, a length.
     pub(super) fn most_distance(&self) -> f64 {
-        MAX_OVER_TARGET * self.target + self.decimated.bound
+        // What decimation did is part of what is found.
+        let part = if self.decimated.triangles > 0 {
+            0.5
+        } else {
+            1.0
+        };
+        part * MAX_OVER_TARGET * self.target + self.decimated.bound
     }
+}
+
+/// RMS distance that rounding to a lattice gives a surface of triangles longer than its steps, a length: each corner has a twelfth of the squared step along the
+/// normal, and what lies between half of that.
+pub(super) fn rounding(lattice: &Lattice) -> f64 {
+    lattice.step * f64::from(1u32 << lattice.shift) / 24.0_f64.sqrt()
 }
 
 /// Least and greatest coordinates.

@@ -5,70 +5,102 @@ use crate::atlas::{build, quantize};
 use crate::cluster;
 use crate::report::ErrorReport;
 use glam::DVec3;
-use marquetry_evaluation::distance;
+use marquetry_evaluation::distance::{self, Indexed, MeshError};
 
 /// Part of the target that clusters are made for.
 pub(super) const TRIM_AIM: f64 = 0.95;
 /// At least so much closer clusters are made that turn out too coarse.
 const TRIM_STEP: f64 = 0.9;
 
+/// A guaranteed distance is tight enough at this multiple of what was found.
+const TIGHT: f64 = 2.0;
+
 /// Samples of the measurement of the written file, each way, beside all vertices.
 const MEASURED_SAMPLES: u64 = 100_000;
 
 impl Conversion<'_> {
-    /// Measures the surface that will be written, with more in its clusters where too much was left out, and refuses it above the target.
+    /// Measures the surface that will be written, with more in its clusters where too much was left out.
     pub(super) fn measured(
         &self,
         source: distance::Mesh<'_>,
         gone: &[DVec3],
         atlas: &build::Atlas,
-        mut clusters: Option<&mut cluster::Layer>,
+        clusters: Option<&mut cluster::Layer>,
         frame: &Frame,
     ) -> Result<ErrorReport, ConvertError> {
-        let mut aim = TRIM_AIM;
-        loop {
-            let error = self.measure(source, gone, atlas, clusters.as_deref(), frame)?;
-            match clusters.as_deref_mut() {
-                Some(layer) if error.rms_rel > error.target_rel && layer.is_trimmed() => {
-                    aim *= (error.target_rel / error.rms_rel).min(TRIM_STEP);
-                    layer.trim(frame.trimmed_rms(aim), frame.most_distance());
-                }
-                _ => {
-                    self.judge(&error)?;
-                    return Ok(error);
-                }
-            }
-        }
-    }
-
-    /// Measures the surface that will be written. Vertices of the source that are `gone` from the mesh to measure against are measured
-    /// by themselves.
-    fn measure(
-        &self,
-        source: distance::Mesh<'_>,
-        gone: &[DVec3],
-        atlas: &build::Atlas,
-        clusters: Option<&cluster::Layer>,
-        frame: &Frame,
-    ) -> Result<ErrorReport, ConvertError> {
-        let (mut positions, mut triangles) =
-            quantize::finest_surface(&atlas.charts, &frame.lattice);
-        let mut bound = atlas.max_error;
-        if let Some(layer) = clusters {
-            cluster::append_finest(&layer.nodes, &frame.lattice, &mut positions, &mut triangles);
-            bound = bound.max(layer.max_error);
-        }
-        let surface = distance::Mesh {
-            positions: &positions,
-            triangles: &triangles,
-        };
         let unmeasured = |source| ConvertError::Measure {
             path: self.input.to_owned(),
             source,
         };
-        let measured = distance::measure(surface, source, MEASURED_SAMPLES).map_err(unmeasured)?;
-        let of_gone = distance::from_points(gone, surface).map_err(unmeasured)?;
-        let hausdorff = measured.hausdorff().max(of_gone.max);
+        let Some(layer) = clusters else {
+            let (positions, triangles) = quantize::finest_surface(&atlas.charts, &frame.lattice);
+            let surface = distance::Mesh {
+                positions: &positions,
+                triangles: &triangles,
+            };
+            let found = Found::of(surface, source, gone).map_err(unmeasured)?;
+            return Ok(self.error(found, atlas.max_error, frame));
+        };
+        if atlas.charts.is_empty() && gone.is_empty() {
+            return self.measured_clusters(source, layer, frame);
+        }
+        let mut aim = TRIM_AIM;
+        loop {
+            let (mut positions, mut triangles) =
+                quantize::finest_surface(&atlas.charts, &frame.lattice);
+            cluster::append_finest(&layer.nodes, &frame.lattice, &mut positions, &mut triangles);
+            let surface = distance::Mesh {
+                positions: &positions,
+                triangles: &triangles,
+            };
+            let found = Found::of(surface, source, gone).map_err(unmeasured)?;
+            let error = self.error(found, atlas.max_error.max(layer.max_error), frame);
+            if !trimmed_less(layer, &error, &mut aim, frame) {
+                return Ok(error);
+            }
+        }
+    }
+
+    /// The same where clusters are all there is, and `source` all that they are made of. Then what can be guaranteed is measured as well.
+    fn measured_clusters(
+        &self,
+        source: distance::Mesh<'_>,
+        layer: &mut cluster::Layer,
+        frame: &Frame,
+    ) -> Result<ErrorReport, ConvertError> {
+        let unmeasured = |source| ConvertError::Measure {
+            path: self.input.to_owned(),
+            source,
+        };
+        let source = Indexed::new(source).map_err(unmeasured)?;
+        let mut aim = TRIM_AIM;
+        loop {
+            let (mut positions, mut triangles) = (Vec::new(), Vec::new());
+            cluster::append_finest(&layer.nodes, &frame.lattice, &mut positions, &mut triangles);
+            let surface = Indexed::new(distance::Mesh {
+                positions: &positions,
+                triangles: &triangles,
+            })
+            .map_err(unmeasured)?;
+            let measured = surface.measure(&source, MEASURED_SAMPLES);
+            let found = Found {
+                rms: measured.rms(),
+                hausdorff: measured.hausdorff(),
+            };
+            let error = self.error(found, layer.max_error, frame);
+            if trimmed_less(layer, &error, &mut aim, frame) {
+                continue;
+            }
+            if layer.max_error <= TIGHT * found.hausdorff {
+                return Ok(error);
+            }
+            layer.tighten(&surface, &source, found.hausdorff);
+            return Ok(self.error(found, layer.max_error, frame));
+        }
+    }
+
+    /// What is stated of a surface, of which `bound` is a guaranteed distance.
+    fn error(&self, found: Found, bound: f64, frame: &Frame) -> ErrorReport {
         let relative = |length: f64| {
             if frame.diagonal > 0.0 {
                 length / frame.diagonal
@@ -76,17 +108,17 @@ impl Conversion<'_> {
                 0.0
             }
         };
-        Ok(ErrorReport {
+        ErrorReport {
             target_rel: self.options.error_rel,
             // The bound holds for real numbers; rounding must not let it fall below what was seen.
-            max_rel: relative(hausdorff.max(bound)),
-            rms_rel: relative(measured.rms().max(of_gone.rms)),
-            hausdorff_rel: relative(hausdorff),
-        })
+            max_rel: relative(found.hausdorff.max(bound)),
+            rms_rel: relative(found.rms),
+            hausdorff_rel: relative(found.hausdorff),
+        }
     }
 
     /// Refuses an error above the target.
-    fn judge(&self, error: &ErrorReport) -> Result<(), ConvertError> {
+    pub(super) fn judge(&self, error: &ErrorReport) -> Result<(), ConvertError> {
         if error.rms_rel > error.target_rel && !self.options.allow_worse {
             return Err(ConvertError::AboveTarget {
                 path: self.input.to_owned(),
@@ -96,4 +128,42 @@ impl Conversion<'_> {
         }
         Ok(())
     }
+}
+
+/// Distances that were found, lengths.
+#[derive(Debug, Clone, Copy)]
+struct Found {
+    rms: f64,
+    hausdorff: f64,
+}
+
+impl Found {
+    /// Between a surface and a source. Vertices of the source that are `gone` from the mesh to measure against are measured by themselves.
+    fn of(
+        surface: distance::Mesh<'_>,
+        source: distance::Mesh<'_>,
+        gone: &[DVec3],
+    ) -> Result<Self, MeshError> {
+        let measured = distance::measure(surface, source, MEASURED_SAMPLES)?;
+        let of_gone = distance::from_points(gone, surface)?;
+        Ok(Self {
+            rms: measured.rms().max(of_gone.rms),
+            hausdorff: measured.hausdorff().max(of_gone.max),
+        })
+    }
+}
+
+/// Trims clusters less that came out too coarse; whether there was something to do.
+fn trimmed_less(
+    layer: &mut cluster::Layer,
+    error: &ErrorReport,
+    aim: &mut f64,
+    frame: &Frame,
+) -> bool {
+    if error.rms_rel <= error.target_rel || !layer.is_trimmed() {
+        return false;
+    }
+    *aim *= (error.target_rel / error.rms_rel).min(TRIM_STEP);
+    layer.trim(frame.trimmed_rms(*aim), frame.most_distance());
+    true
 }

@@ -160,6 +160,24 @@ fn bound_is_inclusive_and_cuts_off_beyond() {
 }
 
 #[test]
+fn trees_that_are_kept_measure_alike() {
+    let [(a, b), (c, d)] = [octahedron_sphere(3), octahedron_sphere(4)];
+    let of = |positions, triangles| Mesh {
+        positions,
+        triangles,
+    };
+    let (first, second) = (of(&a, &b), of(&c, &d));
+    let [one, other] = [first, second].map(|mesh| Indexed::new(mesh).unwrap());
+    let expected = measure(first, second, 5000).unwrap();
+    assert_eq!(one.measure(&other, 5000), expected);
+    assert_eq!(
+        one.rms_from(second, 5000).to_bits(),
+        expected.backward.rms.to_bits()
+    );
+    assert_eq!(Indexed::new(of(&a, &[])).unwrap_err(), MeshError::Empty);
+}
+
+#[test]
 fn segments_hit_what_lies_between_their_ends() {
     let (positions, triangles) = octahedron_sphere(3);
     let tree = Bvh::new(&positions, &triangles).unwrap();

@@ -16,6 +16,8 @@ pub(super) struct Limits {
     pub(super) rms: f64,
     /// Guaranteed distance.
     pub(super) bound: f64,
+    /// Whether some of the vertices taken away are measured.
+    pub(super) notes_gone: bool,
 }
 
 /// A block after its collapses.
@@ -72,7 +74,9 @@ pub(super) fn collapse(
     for &v in alive.as_flattened() {
         left[v as usize] = true;
     }
-    if let Ok(tree) = Bvh::new(&block.positions, &alive) {
+    if limits.notes_gone
+        && let Ok(tree) = Bvh::new(&block.positions, &alive)
+    {
         for v in (0..ids.len()).filter(|&v| !left[v]).step_by(NOTED) {
             let closest = tree.closest(before[v], f64::INFINITY);
             collapsed.squares += closest.map_or(0.0, |closest| closest.distance2);

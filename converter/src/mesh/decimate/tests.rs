@@ -163,6 +163,53 @@ fn small_and_coloured_meshes_stay() {
     assert_eq!((mesh.triangles.len(), report), (1200, Decimated::default()));
 }
 
+/// Smooth, noisy, and both: every place that is measured is within what is stated, and nearly all of what is wanted is used.
+#[test]
+fn aimed_decimation_comes_near_what_is_wanted_and_not_above() {
+    for noise in [0.0, 1e-3, 3e-3] {
+        let source = torus(300, 200, noise);
+        let wanted = 1e-3;
+        let (welded, mut account) = weld(source.clone()).unwrap();
+        let (mesh, report) = aimed(&welded, wanted);
+        assert_eq!(report.triangles + mesh.triangles.len(), 120_000);
+        account.decimated = report;
+        let manifold = orient(mesh, &mut account);
+        assert_eq!(account.check(), Ok(()));
+        // Euler characteristic 0, without border.
+        assert_eq!(manifold.positions.len() * 2, manifold.triangles.len());
+        let distances = measured(&manifold, &source);
+        assert!(report.rms <= wanted && distances.backward.rms <= 1.02 * wanted);
+        assert!(report.rms >= 0.9 * wanted, "{noise}: {report:?}");
+        assert!(distances.hausdorff() <= report.bound);
+    }
+}
+
+#[test]
+fn aimed_decimation_leaves_what_has_nothing_to_spare() {
+    let source = weld(torus(60, 40, 5e-2)).unwrap().0;
+    let (mesh, report) = aimed(&source, 1e-6);
+    assert!(mesh.triangles.len() > 4700, "{report:?}");
+    assert!(report.rms <= 1e-6);
+}
+
+#[test]
+fn threads_do_not_change_aimed_decimation() {
+    let source = weld(torus(300, 200, 1e-3)).unwrap().0;
+    let run = |threads| {
+        let pool = rayon::ThreadPoolBuilder::new()
+            .num_threads(threads)
+            .build()
+            .unwrap();
+        pool.install(|| aimed(&source, 1e-3))
+    };
+    let ((one, first), (two, second)) = (run(1), run(3));
+    assert_eq!(
+        (one.triangles, one.positions),
+        (two.triangles, two.positions)
+    );
+    assert_eq!(first, second);
+}
+
 /// A sheet of `cells`² cells; of every `tear`² cells one is missing.
 fn sheet_with_holes(cells: u32, tear: u32) -> WeldedMesh {
     let mut mesh = ImportedMesh::default();

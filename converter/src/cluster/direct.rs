@@ -1,0 +1,351 @@
+//! What can be guaranteed of the finest surface, measured against the source itself.
+//!
+//! Bounds that are sums of what decimation, rounding and trimming may each have done are far above the truth, as no place has the worst of all. Here a distance is tried for
+//! each triangle: it holds where all corners are that near to one and the same triangle of the other surface, as the distance from a
+//! triangle is a convex function. Where it does not, what lies above the triangle nearest to the middle is cut off, and each part is asked the same, until it holds for all of them
+//! or the middle of one is farther; then a longer distance is tried. Other than [`super::bound`], which looks for the least bound of small meshes, this asks for one distance at a time.
+//!
+//! Limit: where too many pieces are asked about, a longer distance is tried though the shorter one may hold.
+
+use glam::DVec3;
+use marquetry_evaluation::distance::{Indexed, Mesh, closest_point};
+use rayon::prelude::*;
+use std::ops::Range;
+
+/// A leaf of the surface.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Leaf {
+    /// Its triangles, which follow those of the leaves before.
+    pub(super) triangles: usize,
+    /// What is known of its distance, a length.
+    pub(super) bound: f64,
+}
+
+/// The first distance tried, over the largest one found.
+const START: f64 = 2.0;
+/// How much longer each next one is.
+const GROWTH: f64 = 1.25;
+/// Pieces of a triangle that are looked at for one distance, at most.
+const PIECES: u32 = 1 << 16;
+/// How far beyond its edges a triangle is asked about pieces, over the distance tried.
+const REACH: f64 = 0.5;
+/// Triangles of the source worked on in one go.
+const CHUNK: usize = 4096;
+/// What rounding may hide.
+const HAIR: f64 = 1.0 + 1e-9;
+
+/// By leaf, an upper bound of the distance of its triangles from `source`, and of the triangles of `source` that lie nearest to it from `surface`. `found` is the largest distance seen.
+///
+/// The same for any number of threads.
+pub(super) fn bounds(
+    surface: &Indexed<'_>,
+    source: &Indexed<'_>,
+    leaves: &[Leaf],
+    found: f64,
+) -> Vec<f64> {
+    if found <= 0.0 {
+        return leaves.iter().map(|leaf| leaf.bound).collect();
+    }
+    let start = START * found;
+    let mut end = 0;
+    let ranges: Vec<Range<usize>> = leaves
+        .iter()
+        .map(|leaf| {
+            let first = end;
+            end += leaf.triangles;
+            first..end
+        })
+        .collect();
+    // A bound that is known of a leaf holds for its own triangles.
+    let mut bounds: Vec<f64> = ranges
+        .par_iter()
+        .zip(leaves)
+        .map(|(range, leaf)| {
+            let mut near = Near::new(source);
+            range.clone().fold(start.min(leaf.bound), |least, t| {
+                near.bound(surface.mesh.corners(t), least, leaf.bound)
+            })
+        })
+        .collect();
+    // Of the source's only the largest does.
+    let most = leaves.iter().map(|leaf| leaf.bound).fold(0.0, f64::max);
+    let least = start.min(most);
+    for (t, bound) in above(source.mesh, surface, least, most) {
+        let centre = source.mesh.corners(t).into_iter().sum::<DVec3>() / 3.0;
+        let nearest = surface.tree.closest(centre, f64::INFINITY);
+        let nearest = nearest.map_or(0, |nearest| nearest.triangle as usize);
+        let leaf = ranges.partition_point(|range| range.end <= nearest);
+        if let Some(own) = bounds.get_mut(leaf) {
+            *own = own.max(bound);
+        }
+    }
+    for bound in &mut bounds {
+        *bound = bound.max(least) * HAIR;
+    }
+    bounds
+}
+
+/// Triangles of `mesh` that are not known to be within `least` of a surface, and a bound of their distance, at most `most`, which is known to hold.
+fn above(mesh: Mesh<'_>, to: &Indexed<'_>, least: f64, most: f64) -> Vec<(usize, f64)> {
+    let chunks = mesh.triangles.par_chunks(CHUNK).enumerate();
+    let parts: Vec<Vec<(usize, f64)>> = chunks
+        .map(|(number, chunk)| {
+            let mut near = Near::new(to);
+            let bounds = (number * CHUNK..).take(chunk.len()).map(|t| {
+                let bound = near.bound(mesh.corners(t), least, most);
+                (t, bound)
+            });
+            bounds.filter(|&(_, bound)| bound > least).collect()
+        })
+        .collect();
+    parts.into_iter().flatten().collect()
+}
+
+/// Asks a surface about triangles that are near each other.
+struct Near<'a> {
+    to: &'a Indexed<'a>,
+    /// The triangle that was nearest last.
+    last: u32,
+    hint: u32,
+}
+
+impl<'a> Near<'a> {
+    fn new(to: &'a Indexed<'a>) -> Self {
+        Self {
+            to,
+            last: 0,
+            hint: 0,
+        }
+    }
+
+    /// The first distance of those tried from `least` on that holds for a triangle, or `most`, which is known to.
+    fn bound(&mut self, triangle: [DVec3; 3], least: f64, most: f64) -> f64 {
+        let mut bound = least;
+        while bound < most && !self.holds(triangle, bound) {
+            bound *= GROWTH;
+        }
+        bound.min(most)
+    }
+
+    /// Whether every point of a triangle is known to be within `distance`.
+    fn holds(&mut self, triangle: [DVec3; 3], distance: f64) -> bool {
+        let distance2 = distance * distance;
+        if self.is_near_last(&triangle, distance2) {
+            return true;
+        }
+        for corner in triangle {
+            if !self.to.tree.is_within(corner, distance2, &mut self.hint) {
+                return false;
+            }
+        }
+        let mut left = vec![triangle.to_vec()];
+        for _ in 0..PIECES {
+            let Some(piece) = left.pop() else {
+                return true;
+            };
+            if !self.divide(piece, distance, &mut left) {
+                return false;
+            }
+        }
+        false
+    }
+
+    /// Whether all corners of a polygon are near the triangle that was nearest last.
+    fn is_near_last(&self, piece: &[DVec3], distance2: f64) -> bool {
+        let corners = self.to.mesh.corners(self.last as usize);
+        let from = |&p: &DVec3| closest_point(corners, p).distance_squared(p);
+        piece.iter().all(|p| from(p) <= distance2)
+    }
+
+    /// Takes off a convex polygon what is within `distance` of the triangle nearest to its middle, and adds the other pieces to `left`; whether the middle is near enough.
+    fn divide(&mut self, piece: Vec<DVec3>, distance: f64, left: &mut Vec<Vec<DVec3>>) -> bool {
+        let middle = piece.iter().sum::<DVec3>() / piece.len() as f64;
+        let distance2 = distance * distance;
+        let Some(nearest) = self.to.tree.closest(middle, distance2) else {
+            return false;
+        };
+        self.last = nearest.triangle;
+        if self.is_near_last(&piece, distance2) {
+            return true;
+        }
+        let before = left.len();
+        let [a, b, c] = self.to.mesh.corners(self.last as usize);
+        let normal = (b - a).cross(c - a);
+        let mut inside = piece;
+        for (from, to) in [(a, b), (b, c), (c, a)] {
+            let Some(outwards) = (to - from).cross(normal).try_normalize() else {
+                continue;
+            };
+            let at = from + REACH * distance * outwards;
+            // What was cut here once is not cut again.
+            let (within, beyond) = cut(&inside, at, outwards, 1e-6 * distance);
+            left.extend(beyond);
+            let Some(within) = within else {
+                // Nothing is above the triangle.
+                inside = Vec::new();
+                break;
+            };
+            inside = within;
+        }
+        match left.len() - before {
+            // All of it is above the triangle, or beyond one edge: nothing was cut.
+            0 => left.extend(halves(&inside)),
+            1 if inside.is_empty() => {
+                if let Some(whole) = left.pop() {
+                    left.extend(halves(&whole));
+                }
+            }
+            _ if inside.is_empty() || self.is_near_last(&inside, distance2) => {}
+            _ => left.push(inside),
+        }
+        true
+    }
+}
+
+/// Both parts of a convex polygon, on the inner and on the outer side of a plane; all of it is on one side where no corner is more than `hair` beyond.
+fn cut(
+    piece: &[DVec3],
+    at: DVec3,
+    outwards: DVec3,
+    hair: f64,
+) -> (Option<Vec<DVec3>>, Option<Vec<DVec3>>) {
+    let height = |p: DVec3| (p - at).dot(outwards);
+    if piece.iter().all(|&p| height(p) <= hair) {
+        return (Some(piece.to_vec()), None);
+    }
+    if piece.iter().all(|&p| height(p) >= -hair) {
+        return (None, Some(piece.to_vec()));
+    }
+    let (mut inner, mut outer) = (Vec::new(), Vec::new());
+    for (k, &p) in piece.iter().enumerate() {
+        let q = piece[(k + 1) % piece.len()];
+        let (own, next) = (height(p), height(q));
+        if own <= 0.0 {
+            inner.push(p);
+        }
+        if own >= 0.0 {
+            outer.push(p);
+        }
+        if own * next < 0.0 {
+            let crossing = p.lerp(q, own / (own - next));
+            inner.push(crossing);
+            outer.push(crossing);
+        }
+    }
+    (Some(inner), Some(outer))
+}
+
+/// A convex polygon cut across the middle of its longest edge.
+fn halves(piece: &[DVec3]) -> impl Iterator<Item = Vec<DVec3>> {
+    let edge = |k: usize| (piece[k], piece[(k + 1) % piece.len()]);
+    let edges = (0..piece.len()).map(edge);
+    let longest =
+        edges.max_by(|(a, b), (c, d)| a.distance_squared(*b).total_cmp(&c.distance_squared(*d)));
+    let parts = longest.map(|(a, b)| cut(piece, a.midpoint(b), b - a, 0.0));
+    let (one, other) = parts.unwrap_or_default();
+    one.into_iter().chain(other)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use marquetry_evaluation::distance::measure;
+
+    /// A sheet of `cells`² cells over the unit square, as high as `height` says.
+    fn sheet(cells: u32, height: impl Fn(f64, f64) -> f64) -> (Vec<DVec3>, Vec<[u32; 3]>) {
+        let side = cells + 1;
+        let at = |k: u32| f64::from(k) / f64::from(cells);
+        let place = |k: u32| (at(k % side), at(k / side));
+        let positions = (0..side * side).map(place);
+        let positions = positions.map(|(x, y)| DVec3::new(x, y, height(x, y)));
+        let corners = |k: u32| {
+            let a = k / cells * side + k % cells;
+            [[a, a + 1, a + side + 1], [a, a + side + 1, a + side]]
+        };
+        (
+            positions.collect(),
+            (0..cells * cells).flat_map(corners).collect(),
+        )
+    }
+
+    fn bumps(x: f64, y: f64) -> f64 {
+        0.02 * (9.0 * x).sin() * (7.0 * y).cos()
+    }
+
+    /// A coarse sheet and a fine one with a spike, in leaves of 50 triangles, and the largest distance found.
+    fn with_both<T>(run: impl FnOnce(&Indexed<'_>, &Indexed<'_>, Vec<Leaf>, f64) -> T) -> T {
+        let spike = |x: f64, y: f64| {
+            let from = (x - 0.31).hypot(y - 0.72);
+            bumps(x, y) + (0.01 - from).max(0.0)
+        };
+        let [(a, b), (c, d)] = [sheet(20, bumps), sheet(300, spike)];
+        let of = |positions, triangles| Mesh {
+            positions,
+            triangles,
+        };
+        let (surface, source) = (of(&a, &b), of(&c, &d));
+        let found = measure(surface, source, 100_000).unwrap().hausdorff();
+        let [surface, source] = [surface, source].map(|mesh| Indexed::new(mesh).unwrap());
+        let leaf = Leaf {
+            triangles: 50,
+            bound: 1.0,
+        };
+        run(&surface, &source, vec![leaf; 16], found)
+    }
+
+    #[test]
+    fn bounds_hold_everywhere_and_are_near_the_truth() {
+        with_both(|surface, source, leaves, found| {
+            // Less than what is there, so that longer distances have to be tried.
+            for found in [found, 0.2 * found] {
+                let bounds = bounds(surface, source, &leaves, found);
+                let most = bounds.iter().copied().fold(0.0, f64::max);
+                let distances = surface.measure(source, 2_000_000);
+                assert!(distances.hausdorff() <= most);
+                assert!(most <= 2.1 * distances.hausdorff());
+                // Leaf by leaf, from many places of each of its triangles.
+                for (t, bound) in bounds.iter().flat_map(|bound| [bound; 50]).enumerate() {
+                    let [a, b, c] = surface.mesh.corners(t);
+                    for k in 0..231_u32 {
+                        // Rows of 1, 2, 3.. places.
+                        let row = (0..).find(|row| (row + 1) * (row + 2) / 2 > k).unwrap();
+                        let [v, w] = [row, k - row * (row + 1) / 2].map(|n| f64::from(n) / 20.0);
+                        let point = a + v * (b - a) + w * (c - b);
+                        let closest = source.tree.closest(point, f64::INFINITY).unwrap();
+                        assert!(closest.distance2.sqrt() <= *bound);
+                    }
+                }
+                assert!(bounds.iter().any(|bound| *bound < 0.9 * most) || found > most / 2.2);
+            }
+        });
+    }
+
+    #[test]
+    fn what_is_known_is_never_made_worse_and_nothing_found_changes_nothing() {
+        with_both(|surface, source, mut leaves, found| {
+            for leaf in &mut leaves {
+                leaf.bound = found;
+            }
+            let known = bounds(surface, source, &leaves, found);
+            assert!(known.iter().all(|bound| *bound <= found * HAIR));
+            let none = bounds(surface, source, &leaves, 0.0);
+            assert!(none.iter().all(|bound| bound.to_bits() == found.to_bits()));
+        });
+    }
+
+    #[test]
+    fn threads_do_not_change_them() {
+        let run = |threads| {
+            let pool = rayon::ThreadPoolBuilder::new()
+                .num_threads(threads)
+                .build()
+                .unwrap();
+            pool.install(|| {
+                with_both(|surface, source, leaves, found| {
+                    bounds(surface, source, &leaves, 0.2 * found)
+                })
+            })
+        };
+        assert_eq!(run(1), run(3));
+    }
+}

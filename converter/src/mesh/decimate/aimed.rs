@@ -1,0 +1,88 @@
+//! Decimation up to an error that is measured.
+//!
+//! How far collapses move a surface depends on what it is like: smooth, noisy, or full of creases. So the first pass stays well below what is wanted,
+//! what it did is measured against the source, and the next ones are given what is left. One that goes too far is taken back.
+
+use super::{Decimated, Limits, Pass, area, moved};
+use crate::mesh::{WeldedMesh, weld};
+use marquetry_evaluation::distance::Indexed;
+
+/// Most triangles of a source that is kept to be measured against.
+pub const MOST_KEPT: usize = 8_000_000;
+/// Samples of a measurement.
+const SAMPLES: u64 = 60_000;
+/// Passes, at most, those taken back among them.
+const PASSES: u32 = 6;
+/// Limit of the first pass, over the RMS distance wanted.
+const FIRST: f64 = 1.6;
+/// What passes aim at, over what is wanted, and from which part on it is enough.
+const AIM: f64 = 0.985;
+const ENOUGH: f64 = 0.95;
+/// By how much a pass goes beyond the one before at the same limit.
+const AGAIN: f64 = 1.17;
+/// How the limit has to follow where a pass went too far: the distance falls by less than it.
+const BACK: f64 = 1.6;
+/// Most that a limit gets to, over the RMS distance wanted. Where a surface is large faces and small detail, that is what keeps the detail.
+const MOST: f64 = 3.0;
+/// How much larger, or smaller, a limit gets at most from one pass to the next.
+const STEP: f64 = 2.0;
+const LEAST_STEP: f64 = 0.88;
+/// Guaranteed distance of a pass, over the RMS distance wanted: of the first one, and what it gains until all of that is used. Where a surface is large faces and
+/// small detail it is detail alone that moves, and not by more for what faces leave.
+const BOUND: f64 = 8.0;
+const BOUND_GAIN: f64 = 20.0;
+/// Less than one triangle of so many gone is nothing more to gain.
+const FEWEST: usize = 100;
+
+/// What is left of a mesh without colours when as many triangles are gone as an RMS distance of `wanted`, a length, from it allows.
+///
+/// The same for any number of threads.
+pub fn aimed(source: &WeldedMesh, wanted: f64) -> (WeldedMesh, Decimated) {
+    let mut decimated = Decimated::default();
+    let mut mesh: Option<WeldedMesh> = None;
+    let mut limit = FIRST * wanted;
+    for number in 0..PASSES {
+        let limits = Limits {
+            edge: f64::INFINITY,
+            rms: limit,
+            bound: BOUND * wanted + BOUND_GAIN * decimated.rms,
+            notes_gone: false,
+        };
+        let before = mesh.as_ref().unwrap_or(source);
+        // Other blocks each time.
+        let pass = Pass::over(before, limits, (0.6 * f64::from(number)).fract());
+        let count = before.triangles.len();
+        let is_last = count - pass.triangles.len() < count / FEWEST;
+        let mut after = WeldedMesh {
+            positions: before.positions.clone(),
+            colours: Vec::new(),
+            triangles: pass.triangles,
+        };
+        moved(&mut after.positions, &pass.moved);
+        weld::drop_unused(&mut after.positions, &mut after.triangles);
+        let reached = rms(source, &after);
+        let further = AIM * wanted / reached.max(f64::MIN_POSITIVE);
+        if reached <= wanted {
+            decimated.rms = reached;
+            decimated.bound += pass.bound;
+            mesh = Some(after);
+            if is_last && number > 0 || reached >= ENOUGH * wanted {
+                break;
+            }
+            limit = (limit * (further / AGAIN).clamp(LEAST_STEP, STEP)).min(MOST * wanted);
+        } else {
+            limit *= further.powf(BACK).max(1.0 / STEP);
+        }
+    }
+    let mesh = mesh.unwrap_or_else(|| source.clone());
+    decimated.triangles = source.triangles.len() - mesh.triangles.len();
+    decimated.area = area(source) - area(&mesh);
+    (mesh, decimated)
+}
+
+/// RMS distance from samples of the source.
+fn rms(source: &WeldedMesh, mesh: &WeldedMesh) -> f64 {
+    Indexed::new(mesh.surface()).map_or(f64::INFINITY, |mesh| {
+        mesh.rms_from(source.surface(), SAMPLES)
+    })
+}

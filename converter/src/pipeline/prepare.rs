@@ -1,0 +1,255 @@
+//! From a file to the surface to convert: imported, welded, without triangles that there are too many of, and manifold.
+
+use super::frame::{self, Frame, bounds};
+use super::{Conversion, ConvertError};
+use crate::atlas::{build, quantize};
+use crate::cluster;
+use crate::import::{self, ImportReport};
+use crate::memory;
+use crate::mesh::account::Account;
+use crate::mesh::decimate::{self, Decimated, Goal};
+use crate::mesh::{self, ImportedMesh, ManifoldMesh, WeldedMesh};
+use crate::report::{ErrorReport, LayoutReport};
+use crate::texture::stage::Textures;
+use glam::DVec3;
+use marquetry_format::writer::ColourInput;
+
+/// An import, ready to be converted.
+pub(super) struct Prepared<'a> {
+    pub(super) mesh: ManifoldMesh,
+    pub(super) account: Account,
+    pub(super) frame: Frame,
+    pub(super) origin: Origin<'a>,
+    /// Whether charts are of no use, or not wanted.
+    pub(super) without_charts: bool,
+}
+
+/// What the result is to be measured against.
+pub(super) enum Origin<'a> {
+    /// The mesh before it was decimated.
+    Kept(&'a WeldedMesh),
+    /// The mesh that is converted, and some of the vertices that decimation took away.
+    Gone(Vec<DVec3>),
+}
+
+/// What was made of a surface.
+pub(super) struct Built {
+    pub(super) account: Account,
+    pub(super) frame: Frame,
+    pub(super) atlas: build::Atlas,
+    pub(super) colour: Option<ColourInput>,
+    pub(super) layout: LayoutReport,
+    pub(super) clusters: Option<cluster::Layer>,
+    pub(super) error: ErrorReport,
+}
+
+/// Part of the target that decimation and rounding to the lattice together are to take.
+const AIM: f64 = 0.965;
+/// At least so much closer the next attempt is after one above the target.
+const STEP: f64 = 0.95;
+/// An attempt that is to keep less than this part of the target leaves all triangles.
+const LEAST: f64 = 0.5;
+
+impl Conversion<'_> {
+    /// Makes what will be written of an import; with more triangles, where that is above the target.
+    pub(super) fn built(
+        &mut self,
+        imported: ImportedMesh,
+        textures: &Textures,
+    ) -> Result<Built, ConvertError> {
+        let has_colours = !imported.colours.is_empty();
+        self.begin("weld")?;
+        let (mut welded, mut account) = mesh::weld(imported).map_err(|e| e.in_file(self.input))?;
+        let mut without_charts = !self.options.charts;
+        let mut gone = Vec::new();
+        if !has_colours && !textures.has_images() {
+            let target = self.target(&welded);
+            without_charts = without_charts || decimate::is_torn(&welded);
+            if without_charts && welded.triangles.len() <= decimate::MOST_KEPT {
+                return self.built_of(&welded, &account, textures, AIM);
+            }
+            let most = self.options.decimate_above;
+            let goal = if without_charts {
+                Some(Goal::for_clusters(target))
+            } else {
+                (welded.triangles.len() > most).then(|| Goal::for_charts(target, most / 2))
+            };
+            if let Some(goal) = goal {
+                self.begin("decimate")?;
+                (account.decimated, gone) = decimate::decimate(&mut welded, goal);
+            }
+        }
+        let prepared = self.oriented(
+            welded,
+            account,
+            has_colours,
+            Origin::Gone(gone),
+            without_charts,
+        )?;
+        self.build(prepared, textures)
+    }
+
+    /// What will be written of `source`, as clusters, decimated for the part `aim` of the target; for less where that comes out above the target.
+    fn built_of(
+        &mut self,
+        source: &WeldedMesh,
+        account: &Account,
+        textures: &Textures,
+        mut aim: f64,
+    ) -> Result<Built, ConvertError> {
+        let target = self.target(source);
+        let (min, max) = bounds(&source.positions);
+        let rounding = frame::rounding(&quantize::lattice(min, max, target)).powi(2);
+        loop {
+            self.begin("decimate")?;
+            let mut account = account.clone();
+            let wanted = ((aim * target).powi(2) - rounding).max(0.0).sqrt();
+            let mesh;
+            (mesh, account.decimated) = if aim < LEAST || wanted <= 0.0 {
+                (source.clone(), Decimated::default())
+            } else {
+                decimate::aimed(source, wanted)
+            };
+            let has_less = account.decimated.triangles > 0;
+            let prepared = self.oriented(mesh, account, false, Origin::Kept(source), true)?;
+            let built = self.build(prepared, textures)?;
+            let over = built.error.rms_rel / built.error.target_rel;
+            if over <= 1.0 || !has_less {
+                return Ok(built);
+            }
+            aim *= STEP / over;
+        }
+    }
+
+    /// RMS error wanted, a length.
+    fn target(&self, mesh: &WeldedMesh) -> f64 {
+        let (min, max) = bounds(&mesh.positions);
+        self.options.error_rel * (max - min).length()
+    }
+
+    fn oriented<'a>(
+        &mut self,
+        welded: WeldedMesh,
+        mut account: Account,
+        has_colours: bool,
+        origin: Origin<'a>,
+        without_charts: bool,
+    ) -> Result<Prepared<'a>, ConvertError> {
+        self.begin("manifold")?;
+        let mesh = mesh::orient(welded, &mut account);
+        let frame = Frame::of(
+            &mesh,
+            self.options.error_rel,
+            has_colours,
+            account.decimated,
+            without_charts,
+        );
+        Ok(Prepared {
+            mesh,
+            account,
+            frame,
+            origin,
+            without_charts,
+        })
+    }
+
+    pub(super) fn import(&mut self) -> Result<(ImportedMesh, ImportReport), ConvertError> {
+        if let Some(triangles) = import::announced_triangles(self.input) {
+            self.refuse_too_large(triangles)?;
+        }
+        self.begin("import")?;
+        let (mesh, report) = import::import(self.input)?;
+        self.refuse_too_large(report.triangles)?;
+        self.refuse_non_finite(&mesh)?;
+        Ok((mesh, report))
+    }
+
+    /// Refuses what is known not to fit before memory is taken for it.
+    fn refuse_too_large(&self, triangles: u64) -> Result<(), ConvertError> {
+        let (needed, allowed) = (memory::estimate(triangles), self.options.memory_bytes);
+        if needed <= allowed {
+            return Ok(());
+        }
+        Err(ConvertError::TooLarge {
+            path: self.input.to_owned(),
+            triangles,
+            needed,
+            allowed,
+        })
+    }
+
+    fn refuse_non_finite(&self, mesh: &ImportedMesh) -> Result<(), ConvertError> {
+        let mut bad = (0..mesh.positions.len()).filter(|&v| !mesh::is_place(mesh.positions[v]));
+        match bad.next() {
+            Some(first) if !self.options.allow_worse => Err(ConvertError::NotFinite {
+                path: self.input.to_owned(),
+                first,
+                count: 1 + bad.count(),
+            }),
+            _ => Ok(()),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::{Options, Progress, Stages};
+    use super::*;
+    use std::path::Path;
+
+    struct Quiet;
+
+    impl Progress for Quiet {
+        fn stage(&self, _: &'static str) {}
+        fn fraction(&self, _: f64) {}
+    }
+
+    /// A square with waves, of two triangles for each of `cells`² cells.
+    fn waves(cells: u32) -> ImportedMesh {
+        let side = cells + 1;
+        let mut mesh = ImportedMesh::default();
+        for k in 0..side * side {
+            let [x, y] = [k % side, k / side].map(|n| f64::from(n) / f64::from(cells));
+            let height = 0.03 * (20.0 * x).sin() * (14.0 * y).cos();
+            mesh.positions.push(DVec3::new(x, y, height));
+        }
+        for k in 0..cells * cells {
+            let a = k / cells * side + k % cells;
+            mesh.triangles
+                .extend([[a, a + 1, a + side + 1], [a, a + side + 1, a + side]]);
+        }
+        mesh
+    }
+
+    #[test]
+    fn what_comes_out_too_coarse_is_made_anew_with_more() {
+        let options = Options {
+            error_rel: 2e-4,
+            charts: false,
+            ..Options::default()
+        };
+        let mut imported = waves(150);
+        let textures = Textures::take(&mut imported, 1 << 30).unwrap();
+        let (welded, account) = mesh::weld(imported).unwrap();
+        for (aim, again) in [(AIM, false), (2.0, true)] {
+            let mut conversion = Conversion {
+                input: Path::new("waves"),
+                output: Path::new("waves.marq"),
+                options: &options,
+                stages: Stages::new(&Quiet),
+                threads: 1,
+            };
+            let built = conversion
+                .built_of(&welded, &account, &textures, aim)
+                .unwrap();
+            let error = built.error;
+            assert!(error.rms_rel <= error.target_rel, "{error:?}");
+            assert!(error.rms_rel >= 0.8 * error.target_rel, "{error:?}");
+            assert!(error.max_rel >= error.hausdorff_rel);
+            assert!(error.max_rel <= 2.6 * error.hausdorff_rel, "{error:?}");
+            let stages = conversion.stages.reports.iter();
+            let attempts = stages.filter(|stage| stage.name == "decimate").count();
+            assert_eq!(attempts > 1, again, "{attempts} attempts");
+        }
+    }
+}

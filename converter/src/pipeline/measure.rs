@@ -160,7 +160,9 @@ fn trimmed_less(
     aim: &mut f64,
     frame: &Frame,
 ) -> bool {
-    if error.rms_rel <= error.target_rel || !layer.is_trimmed() {
+    // What costs nothing is left out whatever the aim is.
+    let costs_nothing = frame.trimmed_rms(*aim) == 0.0;
+    if error.rms_rel <= error.target_rel || !layer.is_trimmed() || costs_nothing {
         return false;
     }
     *aim *= (error.target_rel / error.rms_rel).min(TRIM_STEP);

@@ -4,9 +4,11 @@ mod charts;
 mod error;
 mod frame;
 mod measure;
+mod options;
 mod stages;
 
 pub use error::ConvertError;
+pub use options::{Charts, Options, Up};
 
 use crate::atlas::{build, quantize};
 use crate::cluster::{self, Room, select::Selection};
@@ -20,7 +22,7 @@ use crate::process;
 use crate::report::{FitReport, InputReport, Lost, Merged, OutputReport, Report};
 use crate::texture::build::TextureError;
 use crate::texture::stage::{TextureReport, Textures};
-use charts::Charts;
+use charts::Charted;
 use frame::{Frame, bounds};
 use glam::DVec3;
 use marquetry_evaluation::distance;
@@ -32,56 +34,6 @@ use measure::TRIM_AIM;
 use stages::Stages;
 use std::io::Write;
 use std::path::Path;
-
-/// Which axis points up.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub enum Up {
-    /// x.
-    X,
-    /// y.
-    #[default]
-    Y,
-    /// z.
-    Z,
-}
-
-/// What a conversion is asked for.
-#[derive(Debug, Clone)]
-pub struct Options {
-    /// Target RMS error, relative to the diagonal of the bounds; > 0.
-    pub error_rel: f64,
-    /// Write the file even where the target is missed.
-    pub allow_worse: bool,
-    /// Whether to make charts of what is fit for them. Without, all components of at most 8 million triangles are clusters of their own triangles,
-    /// simplified within the target unless there are colours or images.
-    pub charts: bool,
-    /// Which axis points up.
-    pub up: Up,
-    /// Ceiling of working memory in bytes; what needs more is refused ([`crate::memory`]).
-    pub memory_bytes: u64,
-    /// Threads; `None` for all.
-    pub threads: Option<usize>,
-    /// Samples for a triangle of the source that charts may take; where they need more, clusters of its triangles are
-    /// smaller (`ARCHITECTURE.md`).
-    pub samples_per_triangle: u64,
-    /// Triangles from which on a mesh without colours or images is decimated, to about half as many ([`decimate`]).
-    pub decimate_above: usize,
-}
-
-impl Default for Options {
-    fn default() -> Self {
-        Self {
-            error_rel: 1e-4,
-            allow_worse: false,
-            charts: true,
-            up: Up::Y,
-            memory_bytes: 4 << 30,
-            threads: None,
-            samples_per_triangle: 8,
-            decimate_above: decimate::MANY,
-        }
-    }
-}
 
 /// Told how a conversion goes. Called from many threads.
 pub trait Progress: Sync {
@@ -198,9 +150,9 @@ impl Conversion<'_> {
         let charts = self.charts(&selection.rest, &caps, &textures, &frame, most_samples)?;
         let charts = charts.unwrap_or_else(|| {
             selection.take_all(caps.source_triangles);
-            Charts::default()
+            Charted::default()
         });
-        let Charts {
+        let Charted {
             atlas,
             colour,
             layout,
@@ -325,9 +277,10 @@ impl Conversion<'_> {
         let has_colours = !imported.colours.is_empty();
         self.begin("weld")?;
         let (mut welded, mut account) = mesh::weld(imported).map_err(|e| e.in_file(self.input))?;
-        let (mut gone, mut without_charts) = (Vec::new(), !self.options.charts);
+        let is_plain = !has_colours && !textures.has_images();
+        let (mut gone, mut without_charts) = (Vec::new(), !self.options.charts.of(is_plain));
         let most = self.options.decimate_above;
-        if !has_colours && !textures.has_images() {
+        if is_plain {
             let (min, max) = bounds(&welded.positions);
             let target = self.options.error_rel * (max - min).length();
             without_charts = without_charts || decimate::is_torn(&welded);
@@ -349,6 +302,7 @@ impl Conversion<'_> {
             has_colours,
             account.decimated,
         );
+        without_charts = without_charts && !frame.is_thread(&mesh);
         Ok(Prepared {
             mesh,
             account,
@@ -480,19 +434,20 @@ impl Conversion<'_> {
             textures.clusters += 1;
             textures.cluster_bytes += texture.frame.len() as u64;
         }
-        let levels = atlas
+        let resolutions = atlas
             .charts
             .iter()
-            .map(|c| quantize::finest_resolution(&c.root))
-            .max()
-            .unwrap_or(0);
+            .map(|c| quantize::finest_resolution(&c.root));
+        let depths = document.clusters.iter().flat_map(|graph| &graph.nodes);
+        let depth = depths.map(|node| node.level).max().unwrap_or(0);
+        let deepest = resolutions.max().unwrap_or(depth);
         file.persist().map_err(failed)?;
         Ok(OutputReport {
             path: self.output.display().to_string(),
             bytes: bytes.total,
             pages: document.stored_page_count(),
             charts: document.charts.len(),
-            levels: u32::from(levels) + 1,
+            levels: u32::from(deepest) + 1,
             samples: atlas.samples,
             clusters: clusters.map(|layer| layer.summary).unwrap_or_default(),
         })

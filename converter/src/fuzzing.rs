@@ -8,7 +8,7 @@
 
 use crate::import::import_bytes;
 use crate::mesh;
-use crate::pipeline::{self, Options, Progress};
+use crate::pipeline::{self, Charts, Options, Progress};
 use marquetry_format::source::FileSource;
 use marquetry_format::verify::verify;
 use std::path::Path;
@@ -52,7 +52,11 @@ pub fn convert(data: &[u8], extension: &str) {
         error_rel: 2e-2,
         allow_worse: true,
         // Both ways get their turn.
-        charts: data.len() % 4 != 3,
+        charts: if data.len().is_multiple_of(2) {
+            Charts::Always
+        } else {
+            Charts::Auto
+        },
         threads: Some(1),
         ..Options::default()
     };

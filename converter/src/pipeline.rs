@@ -4,10 +4,12 @@ mod charts;
 mod error;
 mod frame;
 mod measure;
+mod options;
 mod prepare;
 mod stages;
 
 pub use error::ConvertError;
+pub use options::{Charts, Options, Up};
 
 use crate::atlas::{build, quantize};
 use crate::cluster::{self, Room, select::Selection};
@@ -15,13 +17,12 @@ use crate::import::ImportReport;
 use crate::memory;
 use crate::mesh::ManifoldMesh;
 use crate::mesh::account::Account;
-use crate::mesh::decimate;
 use crate::output::PendingFile;
 use crate::process;
 use crate::report::{FitReport, InputReport, Lost, Merged, OutputReport, Report};
 use crate::texture::build::TextureError;
 use crate::texture::stage::{TextureReport, Textures};
-use charts::Charts;
+use charts::Charted;
 use frame::Frame;
 use marquetry_evaluation::distance;
 use marquetry_format::reader::Document;
@@ -33,56 +34,6 @@ use prepare::{Built, Origin, Prepared};
 use stages::Stages;
 use std::io::Write;
 use std::path::Path;
-
-/// Which axis points up.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub enum Up {
-    /// x.
-    X,
-    /// y.
-    #[default]
-    Y,
-    /// z.
-    Z,
-}
-
-/// What a conversion is asked for.
-#[derive(Debug, Clone)]
-pub struct Options {
-    /// Target RMS error, relative to the diagonal of the bounds; > 0.
-    pub error_rel: f64,
-    /// Write the file even where the target is missed.
-    pub allow_worse: bool,
-    /// Whether to make charts of what is fit for them. Without, all components of at most 8 million triangles are clusters of their own triangles,
-    /// simplified within the target unless there are colours or images.
-    pub charts: bool,
-    /// Which axis points up.
-    pub up: Up,
-    /// Ceiling of working memory in bytes; what needs more is refused ([`crate::memory`]).
-    pub memory_bytes: u64,
-    /// Threads; `None` for all.
-    pub threads: Option<usize>,
-    /// Samples for a triangle of the source that charts may take; where they need more, clusters of its triangles are
-    /// smaller (`ARCHITECTURE.md`).
-    pub samples_per_triangle: u64,
-    /// Triangles from which on a mesh without colours or images is decimated, to about half as many ([`decimate`]).
-    pub decimate_above: usize,
-}
-
-impl Default for Options {
-    fn default() -> Self {
-        Self {
-            error_rel: 1e-4,
-            allow_worse: false,
-            charts: true,
-            up: Up::Y,
-            memory_bytes: 4 << 30,
-            threads: None,
-            samples_per_triangle: 8,
-            decimate_above: decimate::MANY,
-        }
-    }
-}
 
 /// Told how a conversion goes. Called from many threads.
 pub trait Progress: Sync {
@@ -255,9 +206,9 @@ impl Conversion<'_> {
         let charts = self.charts(&selection.rest, &caps, textures, &frame, most_samples)?;
         let charts = charts.unwrap_or_else(|| {
             selection.take_all(caps.source_triangles);
-            Charts::default()
+            Charted::default()
         });
-        let Charts {
+        let Charted {
             atlas,
             colour,
             layout,
@@ -425,19 +376,20 @@ impl Conversion<'_> {
             textures.clusters += 1;
             textures.cluster_bytes += texture.frame.len() as u64;
         }
-        let levels = atlas
+        let resolutions = atlas
             .charts
             .iter()
-            .map(|c| quantize::finest_resolution(&c.root))
-            .max()
-            .unwrap_or(0);
+            .map(|c| quantize::finest_resolution(&c.root));
+        let depths = document.clusters.iter().flat_map(|graph| &graph.nodes);
+        let depth = depths.map(|node| node.level).max().unwrap_or(0);
+        let deepest = resolutions.max().unwrap_or(depth);
         file.persist().map_err(failed)?;
         Ok(OutputReport {
             path: self.output.display().to_string(),
             bytes: bytes.total,
             pages: document.stored_page_count(),
             charts: document.charts.len(),
-            levels: u32::from(levels) + 1,
+            levels: u32::from(deepest) + 1,
             samples: atlas.samples,
             clusters: clusters.map(|layer| layer.summary).unwrap_or_default(),
         })

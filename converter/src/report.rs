@@ -107,7 +107,7 @@ pub struct OutputReport {
     pub pages: u32,
     /// Charts.
     pub charts: usize,
-    /// Resolutions, the coarsest (one cell a chart) included.
+    /// Resolutions, the coarsest (one cell a chart) included; without charts, depths of the graph of clusters.
     pub levels: u32,
     /// Samples of the pages, shared ones counted in each.
     pub samples: u64,

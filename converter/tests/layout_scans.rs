@@ -1,6 +1,6 @@
 //! What the layout of a whole scan comes to.
 
-use marquetry_converter::pipeline::{Options, Progress, convert};
+use marquetry_converter::pipeline::{Charts, Options, Progress, convert};
 use std::path::{Path, PathBuf};
 
 struct Quiet;
@@ -30,7 +30,11 @@ fn the_dragons_handles_are_cut_and_no_protrusion_is_lost() {
     };
     let folder = tempfile::tempdir().unwrap();
     let output = folder.path().join("dragon.marq");
-    let report = convert(&input, &output, &Options::default(), &Quiet).unwrap();
+    let options = Options {
+        charts: Charts::Always,
+        ..Options::default()
+    };
+    let report = convert(&input, &output, &options, &Quiet).unwrap();
     let (layout, error) = (&report.layout, &report.error);
     println!(
         "{layout:?}\n{error:?}\n{:?}\n{:?}",

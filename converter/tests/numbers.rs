@@ -6,23 +6,35 @@
 mod support;
 
 use glam::DVec3;
-use marquetry_converter::pipeline::{ConvertError, Options};
+use marquetry_converter::pipeline::{Charts, Options};
 use marquetry_converter::report::Report;
 use support::{Model, convert_model, sheet, torus};
 
-fn options(error_rel: f64) -> Options {
+fn options(charts: Charts) -> Options {
     Options {
-        error_rel,
+        error_rel: 1e-3,
+        charts,
         ..Options::default()
     }
 }
 
-fn converts(model: &Model) -> Report {
-    convert_model(model, &options(1e-3)).unwrap_or_else(|e| panic!("{e}"))
+/// By default and with charts.
+const BOTH_WAYS: [Charts; 2] = [Charts::Auto, Charts::Always];
+
+fn converts(model: &Model) -> [Report; 2] {
+    BOTH_WAYS.map(|way| convert_model(model, &options(way)).unwrap_or_else(|e| panic!("{e}")))
 }
 
-fn refused(model: &Model) -> ConvertError {
-    convert_model(model, &options(1e-3)).unwrap_err()
+/// What is said, both ways.
+fn refused(model: &Model) -> [String; 2] {
+    BOTH_WAYS.map(|way| convert_model(model, &options(way)).unwrap_err().to_string())
+}
+
+fn assert_nothing_is_lost(model: &Model, boundary_loops: usize) {
+    for report in converts(model) {
+        let found = (report.lost.triangles, report.input.boundary_loops);
+        assert_eq!(found, (0, boundary_loops), "{report:?}");
+    }
 }
 
 /// Refused, naming the vertex; with `--allow-worse` the triangles at it are left out, with the reason.
@@ -32,24 +44,27 @@ fn a_vertex_that_is_not_finite() {
         for axis in 0..3 {
             let mut model = torus(32, 16);
             model.positions[77][axis] = bad;
-            let message = refused(&model).to_string();
-            assert!(
-                message.contains("vertex 77") && message.contains("not finite"),
-                "{message}"
-            );
-            let allowed = Options {
-                allow_worse: true,
-                ..options(1e-3)
-            };
-            let report = convert_model(&model, &allowed).unwrap();
-            assert_eq!(report.lost.triangles, 6);
-            assert_eq!(report.lost.reason, ["6: a corner is not finite"]);
-            assert_eq!(report.input.boundary_loops, 1);
+            for message in refused(&model) {
+                assert!(
+                    message.contains("vertex 77") && message.contains("not finite"),
+                    "{message}"
+                );
+            }
+            for way in BOTH_WAYS {
+                let allowed = Options {
+                    allow_worse: true,
+                    ..options(way)
+                };
+                let report = convert_model(&model, &allowed).unwrap();
+                assert_eq!(report.lost.triangles, 6);
+                assert_eq!(report.lost.reason, ["6: a corner is not finite"]);
+                assert_eq!(report.input.boundary_loops, 1);
+            }
         }
     }
 }
 
-/// Decimated first where there are far more triangles than its error asks for: what is reported holds for the input as it was.
+/// Decimated before charts are made where there are far more triangles than the error asks for: what is reported holds for the input as it was.
 #[test]
 fn far_more_triangles_than_the_error_asks_for() {
     let mut state = 7_u64;
@@ -65,7 +80,7 @@ fn far_more_triangles_than_the_error_asks_for() {
     }
     let given = Options {
         decimate_above: 60_000,
-        ..options(1e-3)
+        ..options(Charts::Always)
     };
     let report = convert_model(&model, &given).unwrap();
     assert_eq!(report.input.triangles, 200_000);
@@ -77,7 +92,7 @@ fn far_more_triangles_than_the_error_asks_for() {
     );
     // What is left of all of them is nearer to the target than to nothing.
     assert!(report.error.rms_rel > 5e-4, "{report:?}");
-    let whole = convert_model(&model, &options(1e-3)).unwrap();
+    let whole = convert_model(&model, &options(Charts::Always)).unwrap();
     assert_eq!(whole.input.decimated, 0);
     let bytes = |report: &Report| report.output.bytes as f64;
     assert!(
@@ -92,8 +107,9 @@ fn far_more_triangles_than_the_error_asks_for() {
 #[test]
 fn nothing_finite() {
     let model = torus(8, 8).map(|_| DVec3::NAN);
-    let message = refused(&model).to_string();
-    assert!(message.contains("finite"), "{message}");
+    for message in refused(&model) {
+        assert!(message.contains("finite"), "{message}");
+    }
 }
 
 /// Converts, all triangles kept: a sliver is a part of the surface like any other.
@@ -109,12 +125,10 @@ fn slivers_of_a_million_to_one() {
         model.triangles[t] = [a, b, m];
         model.triangles.extend([[b, c, m], [c, a, m]]);
     }
-    let report = converts(&model);
-    assert_eq!((report.lost.triangles, report.input.boundary_loops), (0, 0));
+    assert_nothing_is_lost(&model, 0);
     // The whole of it drawn out.
-    let report =
-        converts(&sheet(24, |x, y| (3.0 * x).sin() * y).map(|p| p * DVec3::new(1e6, 1.0, 1.0)));
-    assert_eq!(report.lost.triangles, 0);
+    let sheet = sheet(24, |x, y| (3.0 * x).sin() * y);
+    assert_nothing_is_lost(&sheet.map(|p| p * DVec3::new(1e6, 1.0, 1.0)), 1);
 }
 
 /// Converts, all triangles kept: triangles without area hold the surface together.
@@ -129,18 +143,21 @@ fn collinear_triangles_within_a_surface() {
         model.triangles[t] = [a, m, c];
         model.triangles.extend([[m, b, c], [a, b, m]]);
     }
-    let report = converts(&model);
-    assert_eq!((report.lost.triangles, report.input.boundary_loops), (0, 0));
+    assert_nothing_is_lost(&model, 0);
 }
 
 /// Converts or is refused because there is no area; in no case does it end in anything else.
 #[test]
 fn nothing_but_collinear_triangles() {
-    for model in [
+    let models = [
         sheet(6, |_, _| 0.0).map(|p| DVec3::X * (p.x + 7.0 * p.y)),
         sheet(6, |_, _| 0.0).map(|p| DVec3::ONE * (p.x + 0.1 * p.y)),
-    ] {
-        match convert_model(&model, &options(1e-3)) {
+    ];
+    for (model, way) in models
+        .iter()
+        .flat_map(|model| BOTH_WAYS.map(|way| (model, way)))
+    {
+        match convert_model(model, &options(way)) {
             Ok(report) => assert_eq!(report.lost.triangles, 0),
             Err(error) => {
                 let message = error.to_string();
@@ -161,27 +178,31 @@ fn coplanar_triangles_and_a_flat_axis() {
         |p: DVec3| p + DVec3::Z * (0.3 * p.x - 0.7 * p.y),
         |p: DVec3| p + DVec3::Z * 5.0,
     ] {
-        let report = converts(&flat.map(turn));
-        assert_eq!(report.lost.triangles, 0);
-        assert!(report.error.rms_rel < 1e-3, "{report:?}");
+        for report in converts(&flat.map(turn)) {
+            assert_eq!(report.lost.triangles, 0);
+            assert!(report.error.rms_rel < 1e-3, "{report:?}");
+        }
     }
 }
 
-/// The same result up to rounding: as many charts, the same error of the same size.
+/// The same result up to rounding: as many charts or clusters, the same error of the same size.
 #[test]
 fn results_do_not_depend_on_units_or_place() {
     let model = torus(64, 32);
     let reference = converts(&model);
-    let close = |report: &Report, what: &str, tolerance: f64| {
-        let (a, b) = (&report.output, &reference.output);
-        assert_eq!((a.charts, a.levels), (b.charts, b.levels), "{what}");
-        for (a, b) in [
-            (report.error.rms_rel, reference.error.rms_rel),
-            (report.error.max_rel, reference.error.max_rel),
-            (a.bytes as f64, b.bytes as f64),
-            (a.samples as f64, b.samples as f64),
-        ] {
-            assert!((a - b).abs() <= tolerance * b, "{what}: {a} instead of {b}");
+    let close = |reports: &[Report; 2], what: &str, tolerance: f64| {
+        for (report, reference) in reports.iter().zip(&reference) {
+            let (a, b) = (&report.output, &reference.output);
+            assert_eq!((a.charts, a.levels), (b.charts, b.levels), "{what}");
+            for (a, b) in [
+                (report.error.rms_rel, reference.error.rms_rel),
+                (report.error.max_rel, reference.error.max_rel),
+                (a.bytes as f64, b.bytes as f64),
+                (a.samples as f64, b.samples as f64),
+                (a.clusters.nodes as f64, b.clusters.nodes as f64),
+            ] {
+                assert!((a - b).abs() <= tolerance * b, "{what}: {a} instead of {b}");
+            }
         }
     };
     // Powers of two change nothing at all but the lattice's frame.

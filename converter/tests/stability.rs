@@ -1,4 +1,4 @@
-//! Meshes that methods fail on, each with the outcome that is required beside it.
+//! Meshes that methods fail on, each with the outcome that is required beside it, where charts are asked for. By default all become clusters.
 //!
 //! "Converts" means: the file verifies, the RMS error is at most the target, no measured distance is above the stated bound, and every
 //! triangle is in a chart, in a cluster, or in the report with its reason. All meshes are made by formula, with fixed seeds.
@@ -12,7 +12,7 @@
 #[path = "stability/meshes.rs"]
 mod meshes;
 
-use marquetry_converter::pipeline::{Options, Progress, convert};
+use marquetry_converter::pipeline::{Charts as Asked, Options, Progress, convert};
 use marquetry_converter::report::Report;
 use marquetry_format::FileSource;
 use marquetry_format::verify::verify;
@@ -39,12 +39,13 @@ enum Outcome {
 use Outcome::{Charts, Clusters, Converts};
 
 /// Converts as OBJ at an error of 5e-4 and checks everything; the report, or what is wrong.
-fn outcome(name: &str, mesh: &Soup, expected: Outcome) -> Result<Report, String> {
+fn outcome(name: &str, mesh: &Soup, asked: Asked, expected: Outcome) -> Result<Report, String> {
     let folder = tempfile::tempdir().unwrap();
     let (input, output) = (folder.path().join("in.obj"), folder.path().join("out.marq"));
     std::fs::write(&input, mesh.obj()).unwrap();
     let options = Options {
         error_rel: 5e-4,
+        charts: asked,
         samples_per_triangle: if expected == Charts {
             u64::MAX
         } else {
@@ -87,10 +88,11 @@ fn outcome(name: &str, mesh: &Soup, expected: Outcome) -> Result<Report, String>
         format!("{} triangles read", report.input.triangles),
     );
     if expected == Clusters {
+        let decimated = report.input.decimated;
         check(
-            clusters.triangles + lost + merged == mesh.triangles.len(),
+            clusters.triangles + lost + merged + decimated == mesh.triangles.len(),
             format!(
-                "{} in clusters, {lost} lost, {merged} merged",
+                "{} in clusters, {lost} lost, {merged} merged, {decimated} decimated",
                 clusters.triangles
             ),
         );
@@ -116,10 +118,14 @@ fn outcome(name: &str, mesh: &Soup, expected: Outcome) -> Result<Report, String>
 fn all(list: &[(&str, Soup, Outcome)]) {
     let faults: Vec<String> = list
         .iter()
-        .filter_map(|(name, mesh, expected)| {
-            let fault = outcome(name, mesh, *expected).err()?;
-            Some(format!("{name}: {fault}"))
+        .flat_map(|(name, mesh, with_charts)| {
+            let ways = [(Asked::Auto, Clusters), (Asked::Always, *with_charts)];
+            ways.map(|(asked, expected)| {
+                let fault = outcome(name, mesh, asked, expected).err()?;
+                Some(format!("{name}, {asked:?}: {fault}"))
+            })
         })
+        .flatten()
         .collect();
     assert!(faults.is_empty(), "{}", faults.join("\n"));
 }

@@ -10,7 +10,10 @@ use support::{convert_model, sheet, torus};
 /// What costs nothing is left out of clusters whatever the target is, so that there is always less to leave out is no reason to go on.
 #[test]
 fn a_target_finer_than_the_lattice() {
-    for model in [torus(96, 48), sheet(64, |x, y| 0.1 * (5.0 * x).sin() * y.max(0.5))] {
+    for model in [
+        torus(96, 48),
+        sheet(64, |x, y| 0.1 * (5.0 * x).sin() * y.max(0.5)),
+    ] {
         let options = Options {
             error_rel: 1e-12,
             ..Options::default()

@@ -29,7 +29,7 @@ use data::{
 use folder::PendingFolder;
 use geometry::Level;
 use glam::DVec3;
-use marquetry_converter::pipeline::{Progress, Up};
+use marquetry_converter::pipeline::{Charts, Progress, Up};
 use marquetry_engine::Viewport;
 use marquetry_engine::camera::STANDARD_VIEWS;
 use marquetry_format::Metadata;
@@ -195,6 +195,7 @@ impl Job<'_> {
             conversions::points(
                 &arguments.against,
                 &arguments.error_rels,
+                charts_of(&self.opened),
                 up_of(&self.opened.document.metadata),
                 self.threads,
                 folder.path(),
@@ -313,6 +314,15 @@ fn bytes_of(path: &Path, reference: &Reference) -> anyhow::Result<u64> {
         .extension()
         .is_some_and(|extension| extension.eq_ignore_ascii_case("glb"));
     Ok(if has_them { own } else { own + images })
+}
+
+/// What makes a file of the same kind again: one with charts was asked for them, or has colours.
+fn charts_of(opened: &Opened) -> Charts {
+    if opened.document.charts.is_empty() {
+        Charts::Auto
+    } else {
+        Charts::Always
+    }
 }
 
 fn up_of(metadata: &Metadata) -> Up {

@@ -4,7 +4,7 @@ use super::output::{self, Output};
 use super::progress::Display;
 use super::{Common, Verdict, args};
 use anyhow::bail;
-use marquetry_converter::pipeline::{self, Options, Up};
+use marquetry_converter::pipeline::{self, Charts, Options, Up};
 use marquetry_converter::report::Report;
 use std::path::PathBuf;
 
@@ -35,10 +35,9 @@ pub(super) struct Arguments {
     /// Write the file even if its error is above the target
     #[arg(long)]
     allow_worse: bool,
-    /// Simplify triangles within the target and keep them, without charts: most often fewer triangles and bytes for the same error; levels
-    /// change at once, without morphing
-    #[arg(long)]
-    no_charts: bool,
+    /// What becomes charts, that is nested grids of samples, and not clusters of its own triangles, simplified within the target
+    #[arg(long, value_enum, default_value_t)]
+    charts: WithCharts,
 }
 
 /// Kinds of content.
@@ -49,6 +48,18 @@ enum Kind {
     Scan,
     Terrain,
     Scene,
+}
+
+/// What becomes charts.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, clap::ValueEnum)]
+enum WithCharts {
+    /// Scans with colours of vertices or images
+    #[default]
+    Auto,
+    /// All scans, as far as they are fit for it
+    Always,
+    /// Nothing that clusters can hold
+    Never,
 }
 
 /// Axes of the input.
@@ -77,7 +88,11 @@ pub(super) fn run(
     let options = Options {
         error_rel: arguments.error_rel,
         allow_worse: arguments.allow_worse,
-        charts: !arguments.no_charts,
+        charts: match arguments.charts {
+            WithCharts::Auto => Charts::Auto,
+            WithCharts::Always => Charts::Always,
+            WithCharts::Never => Charts::Never,
+        },
         up: match arguments.up {
             Axis::X => Up::X,
             Axis::Y => Up::Y,
@@ -100,7 +115,7 @@ fn summary(report: &Report) -> String {
     let (input, out, error) = (&report.input, &report.output, &report.error);
     let mut text = format!(
         "{}: {} triangles in {} components, {} holes\n\
-         {}: {} charts, {} pages, {} ({:.2} bytes a triangle)\n\
+         {}: {} charts, {} clusters, {} pages, {} ({:.2} bytes a triangle)\n\
          error: {:.2e} rms, at most {:.2e} of the diagonal (target {:.2e})\n\
          {:.1} s, {:.1} s of processor time, {} of memory",
         input.path,
@@ -109,6 +124,7 @@ fn summary(report: &Report) -> String {
         input.boundary_loops,
         out.path,
         out.charts,
+        out.clusters.nodes,
         out.pages,
         output::bytes(out.bytes),
         out.bytes as f64 / input.triangles.max(1) as f64,

@@ -23,7 +23,7 @@ struct Report {
     /// `x`, `y` or `z`.
     up: &'static str,
     charts: usize,
-    /// Resolutions, the coarsest included.
+    /// Resolutions, the coarsest included; without charts, depths of the graph of clusters.
     levels: usize,
     /// Of charts and clusters.
     pages: u32,
@@ -33,7 +33,8 @@ struct Report {
     bytes: BytesByPart,
     first_read_bytes: u64,
     first_image_bytes: u64,
-    /// Coarsest first: every chart at that resolution, or its finest where that is less.
+    /// Coarsest first: every chart at that resolution, or its finest where that is less; without charts, every cluster of that depth, or the
+    /// finest.
     level: Vec<Level>,
     error: ErrorReport,
     source: Provenance,

@@ -113,7 +113,7 @@ pub(super) fn coarsest_triangles(Opened { document, .. }: &Opened) -> u64 {
 }
 
 /// One level of a file: every chart at one resolution, or at its finest where that is less; clusters as coarse as the
-/// charts' error allows.
+/// charts' error allows. In a file without charts, clusters of one depth of the graph, or the finest where that is less.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub(super) struct Level {
     /// Triangles drawn, the flat ones beside coarser neighbours included.
@@ -147,6 +147,9 @@ pub(super) fn levels(document: &Document) -> Vec<Level> {
 
 /// The cuts of all levels. At the last, clusters are at their finest; at the others where their error is about the charts'.
 fn level_cuts(document: &Document) -> Vec<Cut> {
+    if document.charts.is_empty() {
+        return cluster_cuts(document);
+    }
     let mut cuts: Vec<Cut> = (0..)
         .map_while(|resolution| cut_at_resolution(document, resolution))
         .collect();
@@ -162,6 +165,18 @@ fn level_cuts(document: &Document) -> Vec<Cut> {
     cuts
 }
 
+/// A cut for every depth of the graph of clusters.
+fn cluster_cuts(document: &Document) -> Vec<Cut> {
+    let nodes = document.clusters.iter().flat_map(|graph| &graph.nodes);
+    let deepest = nodes.map(|node| node.level).max().unwrap_or(0);
+    let cut_at = |depth| {
+        let mut cut = Cut::coarsest(0);
+        cluster::refine(document, &mut cut, |_, node| node.level < depth);
+        cut
+    };
+    (0..=deepest).map(cut_at).collect()
+}
+
 /// Every chart at `resolution` or its finest; `None` where no chart has that resolution.
 fn cut_at_resolution(document: &Document, resolution: u8) -> Option<Cut> {
     let mut cut = Cut::coarsest(document.charts.len());
@@ -172,7 +187,8 @@ fn cut_at_resolution(document: &Document, resolution: u8) -> Option<Cut> {
         let mut stack = vec![(marquetry_format::NodeId::root(id), PageId(id.0))];
         while let Some((node, page)) = stack.pop() {
             if PAGE_RESOLUTION + node.level >= resolution {
-                reached = true;
+                // Of roots their own resolution tells it.
+                reached |= node.level > 0;
                 continue;
             }
             let Some(first) = document.first_child(page) else {

@@ -154,11 +154,11 @@ export class Marquetry {
   }
 
   /** Converts, unless `output` is newer than input and binary. */
-  async convert(input, output) {
+  async convert(input, output, ...more) {
     const time = (path) => statSync(path, { throwIfNoEntry: false })?.mtimeMs ?? 0;
     if (time(output) > Math.max(time(input), time(this.#binary))) return;
     mkdirSync(dirname(output), { recursive: true });
-    await run(this.#binary, ["convert", input, "-o", output]);
+    await run(this.#binary, ["convert", input, "-o", output, ...more]);
   }
 
   /** Draws one frame headless; returns the PNG. */

@@ -3,7 +3,7 @@
 //   node tests/browser/run.mjs --marquetry target/release/marquetry --chromium /usr/bin/chromium --out target/browser
 
 import assert from "node:assert/strict";
-import { copyFileSync, existsSync, mkdirSync, readFileSync, writeFileSync } from "node:fs";
+import { existsSync, mkdirSync, readFileSync, writeFileSync } from "node:fs";
 import { join, resolve } from "node:path";
 import { Checks, Marquetry, ROOT, browser, decode, options, scan, texturedScan } from "./harness.mjs";
 import { maskedSsim } from "./ssim.mjs";
@@ -33,11 +33,10 @@ const input = scan(out);
 const file = join(served, "dragon.marq");
 console.log(`  converting ${input} (up to a minute)`);
 await marquetry.convert(input, file);
-// Comparing pictures takes the dragon; everything after that a light scan, for software drawing takes seconds a frame.
+// Comparing pictures takes the dragon, as clusters; everything after that a light scan, for software drawing takes seconds a frame. It has charts.
 const light = join(served, "second one.marq");
 const lightInput = join(ROOT, "../shared/data/armadillo_86k.obj.gz");
-if (existsSync(lightInput)) await marquetry.convert(lightInput, light);
-else copyFileSync(file, light);
+await marquetry.convert(existsSync(lightInput) ? lightInput : input, light, "--charts", "always");
 await marquetry.convert(texturedScan(out), join(served, "textured.marq"));
 
 const server = await marquetry.serve(served);

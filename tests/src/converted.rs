@@ -35,6 +35,12 @@ impl Converted {
     }
 }
 
+/// Options of `convert`: its defaults, which make clusters of scans without colours, and charts of all that is fit for them.
+pub const BOTH_WAYS: [&[&str]; 2] = [&[], WITH_CHARTS];
+
+/// Options of `convert` that make charts.
+pub const WITH_CHARTS: &[&str] = &["--charts", "always"];
+
 /// Converts `input` with the real binary, or finds what an equal conversion has left.
 ///
 /// # Errors

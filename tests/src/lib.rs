@@ -15,4 +15,4 @@ pub mod stage;
 pub mod textured;
 
 pub use binary::{Finished, marquetry};
-pub use converted::{Converted, convert};
+pub use converted::{BOTH_WAYS, Converted, WITH_CHARTS, convert};

@@ -2,7 +2,7 @@
 
 #![expect(clippy::unwrap_used, reason = "a test that cannot go on ends here")]
 
-use marquetry_tests::{Converted, Finished, arguments, convert, marquetry, meshes, ply};
+use marquetry_tests::{BOTH_WAYS, Converted, Finished, arguments, convert, marquetry, meshes, ply};
 use serde_json::Value;
 use std::collections::BTreeSet;
 use std::ffi::OsString;
@@ -11,11 +11,11 @@ use tempfile::TempDir;
 
 const SAMPLES: &str = "20000";
 
-/// A dented torus and the file made of it.
-fn torus(folder: &Path) -> (PathBuf, Converted) {
+/// A dented torus and the file made of it with the options `way`.
+fn torus(folder: &Path, way: &[&str]) -> (PathBuf, Converted) {
     let input = folder.join("torus.ply");
     ply::write(&input, &meshes::torus(120, 60)).unwrap();
-    let file = convert(&input, &["--error-rel", "1e-3"]).unwrap();
+    let file = convert(&input, &[&["--error-rel", "1e-3"], way].concat()).unwrap();
     (input, file)
 }
 
@@ -124,8 +124,14 @@ fn assert_front_is_one(report: &Value) {
 
 #[test]
 fn a_chart_is_whole_and_says_what_measure_says() {
+    for way in BOTH_WAYS {
+        assert_chart_is_whole(way);
+    }
+}
+
+fn assert_chart_is_whole(way: &[&str]) {
     let folder = TempDir::new().unwrap();
-    let (input, file) = torus(folder.path());
+    let (input, file) = torus(folder.path(), way);
     let others = folder.path().join("others.csv");
     std::fs::write(
         &others,
@@ -218,7 +224,7 @@ fn a_chart_is_whole_and_says_what_measure_says() {
 #[test]
 fn another_model_is_refused_with_the_numbers_and_nothing_is_written() {
     let folder = TempDir::new().unwrap();
-    let (_, file) = torus(folder.path());
+    let (_, file) = torus(folder.path(), &[]);
     let other = folder.path().join("sphere.ply");
     ply::write(&other, &meshes::sphere(20, 10)).unwrap();
     let before = names(folder.path());
@@ -262,7 +268,7 @@ fn wrong_rows_of_other_tools_are_named_before_any_work() {
 #[test]
 fn few_samples_and_few_views_are_said() {
     let folder = TempDir::new().unwrap();
-    let (input, file) = torus(folder.path());
+    let (input, file) = torus(folder.path(), &[]);
     let output = folder.path().join("chart");
     let line = arguments![
         "chart",

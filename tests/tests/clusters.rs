@@ -1,4 +1,4 @@
-//! Small components, from the mesh to the picture: beside a scan, and alone.
+//! Clusters, from the mesh to the picture: of small components beside a scan and alone, and of a scan.
 
 #![expect(clippy::unwrap_used, reason = "a test that cannot go on ends here")]
 
@@ -9,7 +9,7 @@ use marquetry_native::Headless;
 use marquetry_tests::meshes::{Model, sphere};
 use marquetry_tests::raster::AROUND_FOUR_SAMPLES;
 use marquetry_tests::stage::{MAGENTA, Stage, holes, unit};
-use marquetry_tests::{Converted, arguments, convert, data, marquetry, ply};
+use marquetry_tests::{BOTH_WAYS, WITH_CHARTS, arguments, convert, data, marquetry, ply};
 use serde_json::Value;
 use std::path::Path;
 use std::sync::Arc;
@@ -44,12 +44,6 @@ fn cubes(count: u64) -> Model {
         }
     }
     model
-}
-
-fn converted(folder: &Path, name: &str, model: &Model) -> Converted {
-    let input = folder.join(name);
-    ply::write(&input, model).unwrap();
-    convert(&input, &[]).unwrap()
 }
 
 fn report(command: &str, marq: &Path, rest: &[&std::ffi::OsStr]) -> Value {
@@ -97,15 +91,17 @@ fn assert_no_holes(marq: &Path, least_nodes: u64) {
 #[test]
 fn cubes_alone_need_no_chart() {
     let folder = TempDir::new().unwrap();
-    let model = cubes(800);
-    let converted = converted(folder.path(), "cubes.ply", &model);
+    let input = folder.path().join("cubes.ply");
+    ply::write(&input, &cubes(800)).unwrap();
+    let converted = convert(&input, WITH_CHARTS).unwrap();
     let output = &converted.report["output"];
     assert_eq!(output["charts"], 0);
     assert_eq!(output["clusters"]["components"], 800);
     assert_eq!(output["clusters"]["triangles"], 9600);
     let info = report("info", &converted.path, &[]);
     assert_eq!(info["clusters"]["triangles"], 9600);
-    assert_eq!(info["level"][0]["triangles"], 9600);
+    let levels = info["level"].as_array().unwrap();
+    assert_eq!(levels.last().unwrap()["triangles"], 9600);
     assert_eq!(report("verify", &converted.path, &[])["ok"], true);
 
     let exported = folder.path().join("out.ply");
@@ -120,8 +116,8 @@ fn cubes_alone_need_no_chart() {
 #[test]
 fn a_scan_without_charts_is_closed_and_takes_less() {
     let input = data::find("armadillo_86k.obj.gz").unwrap();
-    let with_charts = convert(&input, &[]).unwrap().report["output"].clone();
-    let converted = convert(&input, &["--no-charts"]).unwrap();
+    let with_charts = convert(&input, WITH_CHARTS).unwrap().report["output"].clone();
+    let converted = convert(&input, &[]).unwrap();
     let output = &converted.report["output"];
     assert_eq!(output["charts"], 0);
     let bytes = output["bytes"].as_u64().unwrap();
@@ -155,13 +151,22 @@ fn cubes_beside_a_scan_are_measured_with_it() {
     model
         .triangles
         .extend(more.triangles.iter().map(|t| t.map(|v| v + first)));
-    let converted = converted(folder.path(), "planet.ply", &model);
+    let input = folder.path().join("planet.ply");
+    ply::write(&input, &model).unwrap();
+    for way in BOTH_WAYS {
+        assert_planet_is_measured(&input, way);
+    }
+}
+
+fn assert_planet_is_measured(input: &Path, way: &[&str]) {
+    let converted = convert(input, way).unwrap();
     let output = &converted.report["output"];
-    assert!(output["charts"].as_u64().unwrap() > 0);
-    assert_eq!(output["clusters"]["components"], 150);
+    let has_charts = way == WITH_CHARTS;
+    assert_eq!(output["charts"].as_u64().unwrap() > 0, has_charts);
+    let components = 150 + u64::from(!has_charts);
+    assert_eq!(output["clusters"]["components"], components);
     assert_eq!(report("verify", &converted.path, &[])["ok"], true);
 
-    let input = folder.path().join("planet.ply");
     let against = [std::ffi::OsStr::new("--against"), input.as_os_str()];
     let bound = converted.report["error"]["max_rel"].as_f64().unwrap();
     let measured = report("measure", &converted.path, &against);

@@ -4,7 +4,9 @@
 
 use marquetry_evaluation::{Mesh, measure};
 use marquetry_tests::server::Server;
-use marquetry_tests::{Converted, arguments, convert, data, http, marquetry, meshes, ply};
+use marquetry_tests::{
+    BOTH_WAYS, Converted, WITH_CHARTS, arguments, convert, data, http, marquetry, meshes, ply,
+};
 use serde_json::Value;
 use std::ffi::OsString;
 use std::path::{Path, PathBuf};
@@ -33,16 +35,19 @@ fn assert_keys(report: &Value, pointers: &[&str]) {
     assert!(missing.is_empty(), "missing {missing:?} in {report}");
 }
 
-/// A torus by formula, converted; the folder holds both.
-fn torus() -> (TempDir, PathBuf, Converted) {
+/// A torus by formula, converted both ways; the folder holds the formula's.
+fn torus() -> (TempDir, PathBuf, [Converted; 2]) {
     let folder = TempDir::new().unwrap();
     let input = folder.path().join("torus.ply");
     ply::write(&input, &meshes::torus(400, 200)).unwrap();
-    let converted = convert(&input, &[]).unwrap();
+    let converted = BOTH_WAYS.map(|way| convert(&input, way).unwrap());
     (folder, input, converted)
 }
 
-fn assert_verifies(marq: &Path) {
+/// A torus or a scan has many pages, borders and clusters: checks that looked at nothing would pass for free.
+const MANY_CHECKS: f64 = 100.0;
+
+fn assert_verifies(marq: &Path, least_checks: f64) {
     let report = json(arguments!["verify", marq]);
     assert_eq!(report["ok"], Value::Bool(true), "{report}");
     let checks = report["checks"].as_array().unwrap();
@@ -51,13 +56,12 @@ fn assert_verifies(marq: &Path) {
         assert_keys(check, &["/name", "/ok", "/count", "/failures"]);
         assert_eq!(check["ok"], Value::Bool(true), "{check}");
     }
-    // A torus or a scan has pages and shared borders: checks that looked at nothing would pass for free.
     assert!(
         checks
             .iter()
             .map(|check| number(check, "/count"))
             .sum::<f64>()
-            > 100.0,
+            > least_checks,
         "{report}"
     );
 }
@@ -72,21 +76,30 @@ struct Promise {
     samples: u64,
 }
 
-/// Converts at defaults and asserts that what is promised is kept, as measured by `marquetry measure`.
+/// Converts both ways and asserts that what is promised is kept.
 fn assert_kept(promise: &Promise) {
     let Some(input) = data::find(promise.file) else {
         return;
     };
-    let converted = convert(&input, &[]).unwrap();
+    for way in BOTH_WAYS {
+        let converted = convert(&input, way).unwrap();
+        let charts = converted.report["output"]["charts"].as_u64().unwrap();
+        assert_eq!(charts > 0, way == WITH_CHARTS, "{charts} charts");
+        assert_kept_by(promise, &input, &converted);
+    }
+}
+
+/// As measured by `marquetry measure`.
+fn assert_kept_by(promise: &Promise, input: &Path, converted: &Converted) {
     assert_eq!(converted.report["input"]["triangles"], promise.triangles);
-    assert_verifies(&converted.path);
+    assert_verifies(&converted.path, MANY_CHECKS);
 
     let samples = promise.samples.to_string();
     let measured = json(arguments![
         "measure",
         &converted.path,
         "--against",
-        &input,
+        input,
         "--samples",
         &samples
     ]);
@@ -150,7 +163,13 @@ fn igea_of_triangle_strips_keeps_what_is_promised() {
 
 #[test]
 fn reports_have_the_keys_of_the_contract() {
-    let (_folder, input, converted) = torus();
+    let (_folder, input, both) = torus();
+    for converted in both {
+        assert_reports_have_their_keys(&input, &converted);
+    }
+}
+
+fn assert_reports_have_their_keys(input: &Path, converted: &Converted) {
     assert_keys(
         &converted.report,
         &[
@@ -222,12 +241,15 @@ fn reports_have_the_keys_of_the_contract() {
         errors.is_sorted_by(|coarse, fine| coarse >= fine),
         "errors grow on the way down: {errors:?}"
     );
+    assert!(errors.len() > 3, "{info}");
+    assert_eq!(info["levels"], errors.len());
+    assert_eq!(info["levels"], converted.report["output"]["levels"]);
 
     let measured = json(arguments![
         "measure",
         &converted.path,
         "--against",
-        &input,
+        input,
         "--samples",
         "20000"
     ]);
@@ -264,18 +286,24 @@ fn open_edges(triangles: &[[u32; 3]]) -> usize {
 
 #[test]
 fn exported_cuts_are_watertight_and_as_far_off_as_measured() {
-    let (folder, input, converted) = torus();
-    let source = ply::read(&input).unwrap();
+    let (folder, input, both) = torus();
+    for converted in both {
+        assert_cuts_are_watertight(folder.path(), &input, &converted);
+    }
+}
+
+fn assert_cuts_are_watertight(folder: &Path, input: &Path, converted: &Converted) {
+    let source = ply::read(input).unwrap();
     let diagonal = source.mesh().diagonal();
     let mut last = f64::INFINITY;
     for triangles in [Some(600), Some(10_000), None] {
-        let out = folder.path().join("cut.ply");
+        let out = folder.join("cut.ply");
         let mut export = arguments!["export", &converted.path, "-o", &out];
         let mut measurement = arguments![
             "measure",
             &converted.path,
             "--against",
-            &input,
+            input,
             "--samples",
             "50000"
         ];
@@ -312,8 +340,12 @@ fn exported_cuts_are_watertight_and_as_far_off_as_measured() {
 
 #[test]
 fn every_export_format_imports_again() {
-    let (folder, _, converted) = torus();
-    for extension in ["ply", "obj", "glb"] {
+    let (folder, input, both) = torus();
+    let finest = ply::read(&input).unwrap();
+    for (converted, extension) in both
+        .iter()
+        .flat_map(|converted| ["ply", "obj", "glb"].map(|extension| (converted, extension)))
+    {
         let out = folder.path().join("cut").with_extension(extension);
         marquetry(&arguments![
             "export",
@@ -327,7 +359,6 @@ fn every_export_format_imports_again() {
         .succeeded()
         .unwrap();
         let (imported, _) = marquetry_converter::import::import(&out).unwrap();
-        let finest = ply::read(&folder.path().join("torus.ply")).unwrap();
         let mesh = Mesh {
             positions: &imported.positions,
             triangles: &imported.triangles,
@@ -346,10 +377,18 @@ fn surface_with_a_hole_keeps_both_borders() {
     let input = folder.path().join("plane.ply");
     let plane = meshes::plane_with_hole(90);
     ply::write(&input, &plane).unwrap();
-    let converted = convert(&input, &[]).unwrap();
+    for way in BOTH_WAYS {
+        assert_borders_are_kept(folder.path(), &plane, &convert(&input, way).unwrap());
+    }
+}
+
+fn assert_borders_are_kept(folder: &Path, plane: &meshes::Model, converted: &Converted) {
     assert_eq!(converted.report["input"]["boundary_loops"], 2);
-    assert_verifies(&converted.path);
-    let out = folder.path().join("out.ply");
+    // What is flat becomes a few clusters.
+    let has_charts = converted.report["output"]["charts"] != 0;
+    let least_checks = if has_charts { MANY_CHECKS } else { 50.0 };
+    assert_verifies(&converted.path, least_checks);
+    let out = folder.join("out.ply");
     marquetry(&arguments!["export", &converted.path, "-o", &out])
         .unwrap()
         .succeeded()
@@ -371,33 +410,26 @@ fn any_number_of_threads_writes_the_same_bytes() {
     let folder = TempDir::new().unwrap();
     let formula = folder.path().join("torus.ply");
     ply::write(&formula, &meshes::torus(400, 200)).unwrap();
-    for input in [
+    for (input, way) in [
         Some(formula),
         data::find("bun_zipper.ply"),
         data::find("armadillo_86k.obj.gz"),
     ]
     .into_iter()
     .flatten()
+    .flat_map(|input| BOTH_WAYS.map(|way| (input.clone(), way)))
     {
         let [one, two] = ["1", "2"].map(|threads| {
             let out = folder.path().join(format!("{threads}.marq"));
-            marquetry(&arguments![
-                "convert",
-                &input,
-                "-o",
-                &out,
-                "--threads",
-                threads
-            ])
-            .unwrap()
-            .succeeded()
-            .unwrap();
+            let mut run = arguments!["convert", &input, "-o", &out, "--threads", threads];
+            run.extend(way.iter().map(OsString::from));
+            marquetry(&run).unwrap().succeeded().unwrap();
             std::fs::read(out).unwrap()
         });
         let first = one.iter().zip(&two).position(|(a, b)| a != b);
         assert!(
             one == two,
-            "{}: lengths {} and {}, byte {first:?} differs",
+            "{}, {way:?}: lengths {} and {}, byte {first:?} differs",
             input.display(),
             one.len(),
             two.len()
@@ -419,7 +451,7 @@ fn killed_conversion_leaves_no_output() {
         child.wait().unwrap();
         if out.exists() {
             // It was quicker than we were.
-            assert_verifies(&out);
+            assert_verifies(&out, MANY_CHECKS);
             std::fs::remove_file(&out).unwrap();
         }
     }
@@ -431,7 +463,13 @@ fn server_hands_out_the_file_in_ranges_and_pages() {
     let folder = TempDir::new().unwrap();
     let input = folder.path().join("fine.ply");
     ply::write(&input, &meshes::torus(1200, 600)).unwrap();
-    let converted = convert(&input, &["--error-rel", "1e-5", "--allow-worse"]).unwrap();
+    for way in BOTH_WAYS {
+        let fine = ["--error-rel", "1e-5", "--allow-worse"];
+        assert_is_handed_out(&convert(&input, &[&fine, way].concat()).unwrap());
+    }
+}
+
+fn assert_is_handed_out(converted: &Converted) {
     let bytes = std::fs::read(&converted.path).unwrap();
     let server = Server::start(&[&converted.path]).unwrap();
     let name = converted.path.file_stem().unwrap().to_str().unwrap();
@@ -511,7 +549,7 @@ fn server_hands_out_the_file_in_ranges_and_pages() {
 
 #[test]
 fn commands_take_a_url_where_they_take_a_file() {
-    let (folder, _, converted) = torus();
+    let (folder, _, [converted, _]) = torus();
     let server = Server::start(&[&converted.path]).unwrap();
     let name = converted.path.file_name().unwrap().to_str().unwrap();
     let url = server.url(&format!("/files/{name}"));
@@ -544,7 +582,13 @@ fn commands_take_a_url_where_they_take_a_file() {
 
 #[test]
 fn picture_from_a_url_equals_picture_from_the_file() {
-    let (folder, _, converted) = torus();
+    let (folder, _, both) = torus();
+    for converted in both {
+        assert_pictures_are_equal(folder.path(), &converted);
+    }
+}
+
+fn assert_pictures_are_equal(folder: &Path, converted: &Converted) {
     let server = Server::start(&[&converted.path]).unwrap();
     let name = converted.path.file_name().unwrap().to_str().unwrap();
     let url = server.url(&format!("/files/{name}"));
@@ -553,7 +597,7 @@ fn picture_from_a_url_equals_picture_from_the_file() {
         (OsString::from(&url), "url.png"),
         (OsString::from(&converted.path), "file.png"),
     ] {
-        let out = folder.path().join(name);
+        let out = folder.join(name);
         let report = json(arguments![
             "render",
             source,

@@ -1,6 +1,6 @@
-//! Everything in the folder of difficult meshes converts and verifies; the two without geometry are refused.
+//! Everything in the folder of difficult meshes converts and verifies, with charts and without; the two without geometry are refused.
 
-use marquetry_tests::{Finished, arguments, convert, data, marquetry};
+use marquetry_tests::{BOTH_WAYS, Finished, arguments, convert, data, marquetry};
 use serde_json::Value;
 use std::path::{Path, PathBuf};
 
@@ -20,7 +20,11 @@ fn difficult_meshes_convert_and_verify() {
     let faults: Vec<String> = inputs
         .iter()
         .filter(|input| EMPTY.iter().all(|name| !input.ends_with(name)))
-        .filter_map(|input| fault(input).map(|fault| format!("{}: {fault}", input.display())))
+        .flat_map(|input| BOTH_WAYS.map(|way| (input, way)))
+        .filter_map(|(input, way)| {
+            let fault = fault(input, way)?;
+            Some(format!("{} {way:?}: {fault}", input.display()))
+        })
         .collect();
     assert!(
         faults.is_empty(),
@@ -32,8 +36,8 @@ fn difficult_meshes_convert_and_verify() {
 }
 
 /// What goes wrong on the way, if anything does.
-fn fault(input: &Path) -> Option<String> {
-    let converted = match convert(input, &[]) {
+fn fault(input: &Path, way: &[&str]) -> Option<String> {
+    let converted = match convert(input, way) {
         Ok(converted) => converted,
         Err(error) => return Some(format!("{error:#}")),
     };

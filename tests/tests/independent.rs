@@ -5,7 +5,7 @@
 
 use marquetry_evaluation::distance::{Distances, measure};
 use marquetry_tests::meshes::{self, Model};
-use marquetry_tests::{arguments, convert, marquetry, ply};
+use marquetry_tests::{BOTH_WAYS, arguments, convert, marquetry, ply};
 use serde_json::{Value, json};
 use std::io::Write;
 use std::path::{Path, PathBuf};
@@ -99,18 +99,20 @@ fn a_converted_torus_and_its_source() {
     let source = meshes::torus(160, 80);
     let input = folder.path().join("torus.ply");
     ply::write(&input, &source).unwrap();
-    let file = convert(&input, &["--error-rel", "2e-3"]).unwrap();
-    let cut = folder.path().join("cut.ply");
-    marquetry(&arguments![
-        "export",
-        &file.path,
-        "-o",
-        &cut,
-        "--triangles",
-        "3000"
-    ])
-    .unwrap()
-    .succeeded()
-    .unwrap();
-    assert_agree("torus", &ply::read(&cut).unwrap(), &source);
+    for way in BOTH_WAYS {
+        let file = convert(&input, &[&["--error-rel", "2e-3"], way].concat()).unwrap();
+        let cut = folder.path().join("cut.ply");
+        marquetry(&arguments![
+            "export",
+            &file.path,
+            "-o",
+            &cut,
+            "--triangles",
+            "3000"
+        ])
+        .unwrap()
+        .succeeded()
+        .unwrap();
+        assert_agree("torus", &ply::read(&cut).unwrap(), &source);
+    }
 }

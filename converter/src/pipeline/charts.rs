@@ -16,7 +16,7 @@ use rayon::prelude::*;
 
 /// Charts, colour tiles, and what the layout came to.
 #[derive(Default)]
-pub(super) struct Charts {
+pub(super) struct Charted {
     pub(super) atlas: build::Atlas,
     pub(super) colour: Option<ColourInput>,
     pub(super) layout: LayoutReport,
@@ -103,9 +103,9 @@ impl Conversion<'_> {
         textures: &Textures,
         frame: &Frame,
         most_samples: u64,
-    ) -> Result<Option<Charts>, ConvertError> {
+    ) -> Result<Option<Charted>, ConvertError> {
         if mesh.triangles.is_empty() {
-            return Ok(Some(Charts::default()));
+            return Ok(Some(Charted::default()));
         }
         self.begin("segment")?;
         let segmentation = segment::segment(
@@ -163,7 +163,7 @@ impl Conversion<'_> {
                 progress.fraction(done);
             })
             .map_err(|source| self.texture_error(source))?;
-        Ok(Some(Charts {
+        Ok(Some(Charted {
             atlas,
             colour,
             layout,

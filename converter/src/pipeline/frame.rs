@@ -7,6 +7,9 @@ use crate::mesh::decimate::Decimated;
 use glam::DVec3;
 use marquetry_format::Lattice;
 
+/// Units of the lattice from which on an edge is long.
+const LONG: f64 = 16.0;
+
 /// Where a surface lies, and how well it is to be shown.
 pub(super) struct Frame {
     pub(super) min: DVec3,
@@ -46,6 +49,26 @@ impl Frame {
             has_colours,
             decimated,
         }
+    }
+
+    /// Whether most of `mesh` is thinner than the lattice tells, but long: triangles, by their longest edges, of which two corners become one. Clusters
+    /// leave these out, which shortens what has nothing beside it; charts keep them.
+    pub(super) fn is_thread(&self, mesh: &ManifoldMesh) -> bool {
+        let unit = self.lattice.step * f64::from(1u32 << self.lattice.shift);
+        let (mut all, mut thin) = (0.0, 0.0);
+        for t in &mesh.triangles {
+            let p = t.map(|v| mesh.positions[v as usize]);
+            let longest = [(0, 1), (1, 2), (2, 0)]
+                .map(|(a, b)| p[a].distance(p[b]))
+                .into_iter()
+                .fold(0.0, f64::max);
+            all += longest;
+            let [a, b, c] = p.map(|p| quantize::lattice_from_world(&self.lattice, p));
+            if longest > LONG * unit && (a == b || b == c || c == a) {
+                thin += longest;
+            }
+        }
+        2.0 * thin > all
     }
 
     /// RMS error that leaves of clusters may have, a length, where `aim` is the part of the target that they are to keep: rounding to the

@@ -60,9 +60,10 @@ impl Conversion<'_> {
         let has_colours = !imported.colours.is_empty();
         self.begin("weld")?;
         let (mut welded, mut account) = mesh::weld(imported).map_err(|e| e.in_file(self.input))?;
-        let mut without_charts = !self.options.charts;
+        let is_plain = !has_colours && !textures.has_images();
+        let mut without_charts = !self.options.charts.of(is_plain);
         let mut gone = Vec::new();
-        if !has_colours && !textures.has_images() {
+        if is_plain {
             let target = self.target(&welded);
             without_charts = without_charts || decimate::is_torn(&welded);
             if without_charts && welded.triangles.len() <= decimate::MOST_KEPT {
@@ -145,11 +146,11 @@ impl Conversion<'_> {
             without_charts,
         );
         Ok(Prepared {
+            without_charts: without_charts && !frame.is_thread(&mesh),
             mesh,
             account,
             frame,
             origin,
-            without_charts,
         })
     }
 
@@ -193,7 +194,7 @@ impl Conversion<'_> {
 
 #[cfg(test)]
 mod tests {
-    use super::super::{Options, Progress, Stages};
+    use super::super::{Charts, Options, Progress, Stages};
     use super::*;
     use std::path::Path;
 
@@ -225,7 +226,7 @@ mod tests {
     fn what_comes_out_too_coarse_is_made_anew_with_more() {
         let options = Options {
             error_rel: 2e-4,
-            charts: false,
+            charts: Charts::Never,
             ..Options::default()
         };
         let mut imported = waves(150);

@@ -2,7 +2,7 @@
 
 use super::data::ConversionPoint;
 use anyhow::Context;
-use marquetry_converter::pipeline::{self, Options, Progress, Up};
+use marquetry_converter::pipeline::{self, Charts, Options, Progress, Up};
 use marquetry_evaluation::pareto;
 use std::path::Path;
 
@@ -29,6 +29,7 @@ impl Progress for Part<'_> {
 pub(super) fn points(
     input: &Path,
     errors_rel: &[f64],
+    charts: Charts,
     up: Up,
     threads: Option<usize>,
     folder: &Path,
@@ -39,6 +40,7 @@ pub(super) fn points(
         let options = Options {
             error_rel,
             allow_worse: true,
+            charts,
             up,
             threads,
             ..Options::default()

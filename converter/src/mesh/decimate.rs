@@ -108,7 +108,7 @@ pub struct Decimated {
     /// Upper bound of the Hausdorff distance between both meshes.
     pub bound: f64,
     /// RMS distance from the vertices taken away to the mesh that is left, the sum of both passes, each measured at one in
-    /// eight of them; where it was [aimed()] that from samples of the source.
+    /// eight of them; where it was [`aimed()`] that from samples of the source.
     pub rms: f64,
 }
 

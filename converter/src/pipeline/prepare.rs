@@ -65,9 +65,10 @@ impl Conversion<'_> {
         let mut gone = Vec::new();
         if is_plain {
             let target = self.target(&welded);
-            without_charts = without_charts || decimate::is_torn(&welded);
+            let is_torn = decimate::is_torn(&welded);
+            without_charts = without_charts || is_torn;
             if without_charts && welded.triangles.len() <= decimate::MOST_KEPT {
-                return self.built_of(&welded, &account, textures, AIM);
+                return self.built_of((&welded, is_torn), &account, textures, AIM);
             }
             let most = self.options.decimate_above;
             let goal = if without_charts {
@@ -90,10 +91,10 @@ impl Conversion<'_> {
         self.build(prepared, textures)
     }
 
-    /// What will be written of `source`, as clusters, decimated for the part `aim` of the target; for less where that comes out above the target.
+    /// What will be written of `source`, which may be torn, as clusters, decimated for the part `aim` of the target; for less where that comes out above the target.
     fn built_of(
         &mut self,
-        source: &WeldedMesh,
+        (source, is_torn): (&WeldedMesh, bool),
         account: &Account,
         textures: &Textures,
         mut aim: f64,
@@ -109,7 +110,7 @@ impl Conversion<'_> {
             (mesh, account.decimated) = if aim < LEAST || wanted <= 0.0 {
                 (source.clone(), Decimated::default())
             } else {
-                decimate::aimed(source, wanted)
+                decimate::aimed(source, wanted, is_torn)
             };
             let has_less = account.decimated.triangles > 0;
             let prepared = self.oriented(mesh, account, false, Origin::Kept(source), true)?;
@@ -241,7 +242,7 @@ mod tests {
                 threads: 1,
             };
             let built = conversion
-                .built_of(&welded, &account, &textures, aim)
+                .built_of((&welded, false), &account, &textures, aim)
                 .unwrap();
             let error = built.error;
             assert!(error.rms_rel <= error.target_rel, "{error:?}");

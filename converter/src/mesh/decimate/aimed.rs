@@ -27,17 +27,18 @@ const MOST: f64 = 3.0;
 /// How much larger, or smaller, a limit gets at most from one pass to the next.
 const STEP: f64 = 2.0;
 const LEAST_STEP: f64 = 0.88;
-/// Guaranteed distance of a pass, over the RMS distance wanted: of the first one, and what it gains until all of that is used. Where a surface is large faces and
-/// small detail it is detail alone that moves, and not by more for what faces leave.
-const BOUND: f64 = 8.0;
-const BOUND_GAIN: f64 = 20.0;
-/// Less than one triangle of so many gone is nothing more to gain.
-const FEWEST: usize = 100;
+/// Guaranteed distance of a pass, over the RMS distance wanted. It adds up from collapse to collapse: a quarter of it is found afterwards.
+const BOUND: f64 = 30.0;
+/// The same of a torn mesh, where large faces have the area and small detail is what moves, as far as it may.
+const BOUND_TORN: f64 = 8.0;
+/// A pass that takes fewer triangles than one of so many has nothing more to gain.
+const FEWEST: usize = 30;
 
 /// What is left of a mesh without colours when as many triangles are gone as an RMS distance of `wanted`, a length, from it allows.
 ///
 /// The same for any number of threads.
-pub fn aimed(source: &WeldedMesh, wanted: f64) -> (WeldedMesh, Decimated) {
+pub fn aimed(source: &WeldedMesh, wanted: f64, is_torn: bool) -> (WeldedMesh, Decimated) {
+    let bound = if is_torn { BOUND_TORN } else { BOUND };
     let mut decimated = Decimated::default();
     let mut mesh: Option<WeldedMesh> = None;
     let mut limit = FIRST * wanted;
@@ -45,7 +46,7 @@ pub fn aimed(source: &WeldedMesh, wanted: f64) -> (WeldedMesh, Decimated) {
         let limits = Limits {
             edge: f64::INFINITY,
             rms: limit,
-            bound: BOUND * wanted + BOUND_GAIN * decimated.rms,
+            bound: bound * wanted,
             notes_gone: false,
         };
         let before = mesh.as_ref().unwrap_or(source);

@@ -170,7 +170,7 @@ fn aimed_decimation_comes_near_what_is_wanted_and_not_above() {
         let source = torus(300, 200, noise);
         let wanted = 1e-3;
         let (welded, mut account) = weld(source.clone()).unwrap();
-        let (mesh, report) = aimed(&welded, wanted);
+        let (mesh, report) = aimed(&welded, wanted, false);
         assert_eq!(report.triangles + mesh.triangles.len(), 120_000);
         account.decimated = report;
         let manifold = orient(mesh, &mut account);
@@ -187,7 +187,7 @@ fn aimed_decimation_comes_near_what_is_wanted_and_not_above() {
 #[test]
 fn aimed_decimation_leaves_what_has_nothing_to_spare() {
     let source = weld(torus(60, 40, 5e-2)).unwrap().0;
-    let (mesh, report) = aimed(&source, 1e-6);
+    let (mesh, report) = aimed(&source, 1e-6, true);
     assert!(mesh.triangles.len() > 4700, "{report:?}");
     assert!(report.rms <= 1e-6);
 }
@@ -200,7 +200,7 @@ fn threads_do_not_change_aimed_decimation() {
             .num_threads(threads)
             .build()
             .unwrap();
-        pool.install(|| aimed(&source, 1e-3))
+        pool.install(|| aimed(&source, 1e-3, false))
     };
     let ((one, first), (two, second)) = (run(1), run(3));
     assert_eq!(

@@ -6,6 +6,7 @@ use crate::mesh::ManifoldMesh;
 use crate::mesh::decimate::Decimated;
 use glam::DVec3;
 use marquetry_format::Lattice;
+use std::collections::HashSet;
 
 /// Units of the lattice from which on an edge is long.
 const LONG: f64 = 16.0;
@@ -51,24 +52,33 @@ impl Frame {
         }
     }
 
-    /// Whether most of `mesh` is thinner than the lattice tells, but long: triangles, by their longest edges, of which two corners become one. Clusters
-    /// leave these out, which shortens what has nothing beside it; charts keep them.
+    /// Whether most of `mesh` is thinner than the lattice tells, but long: triangles, by their longest edges, of which two corners become one and that
+    /// no other triangle's corners hold. Clusters leave these out, which shortens the surface; charts keep them.
     pub(super) fn is_thread(&self, mesh: &ManifoldMesh) -> bool {
+        let rounded = |t: &[u32; 3]| {
+            t.map(|v| quantize::lattice_from_world(&self.lattice, mesh.positions[v as usize]))
+        };
+        let is_flat = |[a, b, c]: [[u32; 3]; 3]| a == b || b == c || c == a;
         let unit = self.lattice.step * f64::from(1u32 << self.lattice.shift);
-        let (mut all, mut thin) = (0.0, 0.0);
+        let (mut all, mut flat) = (0.0, Vec::new());
         for t in &mesh.triangles {
-            let p = t.map(|v| mesh.positions[v as usize]);
-            let longest = [(0, 1), (1, 2), (2, 0)]
-                .map(|(a, b)| p[a].distance(p[b]))
-                .into_iter()
-                .fold(0.0, f64::max);
+            let [a, b, c] = t.map(|v| mesh.positions[v as usize]);
+            let longest = a.distance(b).max(b.distance(c)).max(c.distance(a));
             all += longest;
-            let [a, b, c] = p.map(|p| quantize::lattice_from_world(&self.lattice, p));
-            if longest > LONG * unit && (a == b || b == c || c == a) {
-                thin += longest;
+            let corners = rounded(t);
+            if longest > LONG * unit && is_flat(corners) {
+                flat.push((longest, corners));
             }
         }
-        2.0 * thin > all
+        let half_of_all = |lengths: f64| 2.0 * lengths > all;
+        if !half_of_all(flat.iter().map(|(longest, _)| longest).sum()) {
+            return false;
+        }
+        let others = mesh.triangles.iter().map(rounded);
+        let held: HashSet<[u32; 3]> = others.filter(|&t| !is_flat(t)).flatten().collect();
+        let is_held = |corners: &[[u32; 3]; 3]| corners.iter().all(|corner| held.contains(corner));
+        let alone = flat.iter().filter(|(_, corners)| !is_held(corners));
+        half_of_all(alone.map(|(longest, _)| longest).sum())
     }
 
     /// RMS error that leaves of clusters may have, a length, where `aim` is the part of the target that they are to keep: rounding to the

@@ -134,13 +134,8 @@ impl Stage {
     pub fn inside(&mut self, samples: &[DVec2]) -> Result<Mask> {
         let picture = self.picture(samples);
         let viewer = self.session.viewer();
-        let drawn = viewer.drawn();
-        let mesh = extract_mesh_in_motion(
-            viewer.document(),
-            self.source.as_ref(),
-            &drawn.cut,
-            &drawn.morphs,
-        )?;
+        let source = self.source.as_ref();
+        let mesh = extract_mesh_in_motion(viewer.document(), source, viewer.drawn())?;
         Ok(raster::coverage(&mesh.positions, &mesh.triangles, &picture)?.eroded())
     }
 

@@ -15,7 +15,7 @@ const SAMPLES: &str = "20000";
 fn torus(folder: &Path, way: &[&str]) -> (PathBuf, Converted) {
     let input = folder.join("torus.ply");
     ply::write(&input, &meshes::torus(120, 60)).unwrap();
-    let file = convert(&input, &[&["--error-rel", "1e-3"], way].concat()).unwrap();
+    let file = convert(&input, &[&["--error-rel", "1e-4"], way].concat()).unwrap();
     (input, file)
 }
 

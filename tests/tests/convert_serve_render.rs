@@ -386,7 +386,7 @@ fn assert_borders_are_kept(folder: &Path, plane: &meshes::Model, converted: &Con
     assert_eq!(converted.report["input"]["boundary_loops"], 2);
     // What is flat becomes a few clusters.
     let has_charts = converted.report["output"]["charts"] != 0;
-    let least_checks = if has_charts { MANY_CHECKS } else { 50.0 };
+    let least_checks = if has_charts { MANY_CHECKS } else { 30.0 };
     assert_verifies(&converted.path, least_checks);
     let out = folder.join("out.ply");
     marquetry(&arguments!["export", &converted.path, "-o", &out])

@@ -17,6 +17,7 @@ pub mod morph;
 mod nearest;
 pub mod target;
 
+use super::animate::Drawn;
 use super::cut::Cut;
 use super::mesh::MeshBuilder;
 use crate::EngineError;
@@ -24,6 +25,9 @@ use marquetry_format::{
     ByteSource, ClusterGroup, ClusterGroupId, ClusterId, ClusterMesh, ClusterNode, Document, PageId,
 };
 use std::collections::BTreeMap;
+use std::collections::btree_map::Entry;
+use std::sync::Arc;
+use target::{GroupSurface, Targets};
 
 /// A page of a cluster that a cut needs.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -197,34 +201,59 @@ pub fn bytes(document: &Document, cut: &Cut) -> u64 {
         .sum()
 }
 
-/// Adds what `cut` draws of the clusters to a mesh.
+/// Adds the clusters that are drawn to a mesh, where they are on their way.
 ///
 /// # Errors
 /// When a page cannot be read or is not valid.
 pub fn append(
     document: &Document,
     source: &dyn ByteSource,
-    cut: &Cut,
+    drawn_now: &Drawn,
     builder: &mut MeshBuilder,
 ) -> Result<(), EngineError> {
-    for id in drawn(document, cut) {
-        let missing = EngineError::IndexIncomplete(id.0);
-        let mesh: ClusterMesh = match document.page_of_cluster(id) {
-            Some(page) => {
-                let range = document.page_range(page).ok_or(missing)?;
-                let bytes = source.read(range).map_err(marquetry_format::Error::from)?;
-                document.decode_cluster(id, &bytes)?
+    let Some(clusters) = &document.clusters else {
+        return Ok(());
+    };
+    let mut surfaces: BTreeMap<ClusterGroupId, GroupSurface> = BTreeMap::new();
+    for id in drawn(document, &drawn_now.cut) {
+        let mesh = read(document, source, id)?;
+        let morph = drawn_now.cluster_morph(clusters, id);
+        let group = morph::above(clusters, id).filter(|_| morph > 0.0);
+        let targets = match group.and_then(|id| Some((id, clusters.group(id)?))) {
+            None => Targets::default(),
+            Some((number, group)) => {
+                let surface = match surfaces.entry(number) {
+                    Entry::Occupied(known) => known.into_mut(),
+                    Entry::Vacant(place) => {
+                        let members = group.members.iter();
+                        let members = members.map(|&id| read(document, source, id).map(Arc::new));
+                        place.insert(GroupSurface::new(members.collect::<Result<_, _>>()?))
+                    }
+                };
+                surface.targets(&mesh)
             }
-            None => match &document.clusters {
-                Some(tree) => tree.root.clone(),
-                None => return Err(missing),
-            },
         };
         builder
-            .add_cluster(&mesh)
+            .add_cluster(&mesh, &targets, morph)
             .ok_or(EngineError::IndexIncomplete(id.0))?;
     }
     Ok(())
+}
+
+/// The mesh of a cluster, from the file.
+fn read(
+    document: &Document,
+    source: &dyn ByteSource,
+    id: ClusterId,
+) -> Result<ClusterMesh, EngineError> {
+    let missing = EngineError::IndexIncomplete(id.0);
+    let Some(page) = document.page_of_cluster(id) else {
+        let clusters = document.clusters.as_ref();
+        return clusters.map(|all| all.root.clone()).ok_or(missing);
+    };
+    let range = document.page_range(page).ok_or(missing)?;
+    let bytes = source.read(range).map_err(marquetry_format::Error::from)?;
+    Ok(document.decode_cluster(id, &bytes)?)
 }
 
 #[cfg(test)]

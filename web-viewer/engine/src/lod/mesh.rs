@@ -4,9 +4,11 @@
 //! dropped. So a balanced cut of a closed atlas gives a closed mesh, whatever its resolutions and morphs.
 //! Limit: samples that are different points of the surface but the same point of the lattice are welded too.
 
+use super::animate::Drawn;
 use super::cluster;
+use super::cluster::target::Targets;
 use super::cut::{Cut, Leaf};
-use super::edge_morph::{Morphs, SideMode, morph_of, side_modes};
+use super::edge_morph::{SideMode, morph_of, side_modes};
 use super::residency::needed_pages;
 use crate::EngineError;
 use glam::{DVec3, Vec3};
@@ -195,18 +197,30 @@ impl MeshBuilder {
         Some(())
     }
 
-    /// Adds the triangles of a cluster; `None` where it names a vertex that it does not have.
-    pub fn add_cluster(&mut self, cluster: &ClusterMesh) -> Option<()> {
+    /// Adds the triangles of a cluster, `morph` of the way to their targets (where there are none they stay); `None` where it names a vertex that it does not have.
+    pub fn add_cluster(
+        &mut self,
+        cluster: &ClusterMesh,
+        targets: &Targets,
+        morph: f32,
+    ) -> Option<()> {
         for corners in &cluster.triangles {
             let mut triangle = [0; 3];
             for (index, corner) in triangle.iter_mut().zip(corners) {
                 let at = usize::from(*corner);
                 let point = cluster.positions.get(at)?;
+                let normal = cluster.normals.get(at)?;
                 let colour = cluster.colours.get(at).copied().unwrap_or([255; 3]);
+                let target = targets.positions.get(at).unwrap_or(point);
+                let [own, target] = [point, target].map(|p| DVec3::from_array(p.map(f64::from)));
+                let normals = [normal, targets.normals.get(at).unwrap_or(normal)]
+                    .map(|code| Vec3::from_array(octahedral::decode(*code)));
+                let colours = [colour, targets.colours.get(at).copied().unwrap_or(colour)]
+                    .map(|rgb| Vec3::from_array(rgb.map(f32::from)));
                 *index = self.vertex(&Vertex {
-                    position: DVec3::from_array(point.map(f64::from)),
-                    normal: Vec3::from_array(octahedral::decode(*cluster.normals.get(at)?)),
-                    colour: Vec3::from_array(colour.map(f32::from)),
+                    position: own + f64::from(morph) * (target - own),
+                    normal: normals[0].lerp(normals[1], morph),
+                    colour: colours[0].lerp(colours[1], morph),
                 })?;
             }
             let [a, b, c] = triangle;
@@ -256,19 +270,19 @@ pub fn extract_mesh(
     source: &dyn ByteSource,
     cut: &Cut,
 ) -> Result<Mesh, EngineError> {
-    extract_mesh_in_motion(document, source, cut, &Morphs::new())
+    extract_mesh_in_motion(document, source, &Drawn::at_rest(cut.clone()))
 }
 
-/// The mesh of `cut` with its leaves on their way to their parents.
+/// The mesh of what is drawn, with leaves and clusters on their way to what they come from.
 ///
 /// # Errors
 /// As [`extract_mesh`].
 pub fn extract_mesh_in_motion(
     document: &Document,
     source: &dyn ByteSource,
-    cut: &Cut,
-    morphs: &Morphs,
+    drawn: &Drawn,
 ) -> Result<Mesh, EngineError> {
+    let Drawn { cut, morphs, .. } = drawn;
     let mut builder = MeshBuilder::new(document.metadata.has_colours);
     let mut needed = needed_pages(cut, document).into_iter().peekable();
     let mut leaves = cut.leaves().into_iter().peekable();
@@ -295,7 +309,7 @@ pub fn extract_mesh_in_motion(
                 .ok_or(EngineError::IndexIncomplete(page.0))?;
         }
     }
-    cluster::append(document, source, cut, &mut builder)?;
+    cluster::append(document, source, drawn, &mut builder)?;
     Ok(builder.finish())
 }
 
@@ -413,9 +427,7 @@ mod tests {
                 let target = restrict(&wanted, &document, |_| true);
                 for _ in 0..5 {
                     drawn.advance(&target, &charts, 0.37);
-                    let mesh =
-                        extract_mesh_in_motion(&document, &source, &drawn.cut, &drawn.morphs)
-                            .unwrap();
+                    let mesh = extract_mesh_in_motion(&document, &source, &drawn).unwrap();
                     assert_eq!(open_edges(&mesh), 0);
                 }
             }
@@ -439,7 +451,7 @@ mod tests {
             cut: finest,
             group_morphs: Drawn::at_rest(Cut::coarsest(0)).group_morphs,
         };
-        let fine = extract_mesh_in_motion(&document, &source, &drawn.cut, &drawn.morphs).unwrap();
+        let fine = extract_mesh_in_motion(&document, &source, &drawn).unwrap();
         let mut coarse = Cut::coarsest(2);
         for chart in 0..2 {
             coarse.set_root(ChartId(chart), 3);

@@ -7,6 +7,7 @@
 
 use super::Random;
 use super::clusters::{root_first, written};
+use crate::lod::animate::Drawn;
 use crate::lod::cluster;
 use crate::lod::cut::Cut;
 use crate::lod::mesh::MeshBuilder;
@@ -105,7 +106,8 @@ impl Wall {
     /// Where this is not so.
     pub fn assert_whole(&self, cut: &Cut) {
         let mut builder = MeshBuilder::new(false);
-        let appended = cluster::append(&self.document, &self.file, cut, &mut builder);
+        let drawn = Drawn::at_rest(cut.clone());
+        let appended = cluster::append(&self.document, &self.file, &drawn, &mut builder);
         assert!(appended.is_ok(), "{appended:?}");
         let mesh = builder.finish();
         let (width, height) = (f64::from(2 * UNIT * self.columns), f64::from(UNIT * ROWS));

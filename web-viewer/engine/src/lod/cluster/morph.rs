@@ -30,7 +30,7 @@ pub fn morph_of(clusters: &Clusters, morphs: &GroupMorphs, id: ClusterId) -> f32
 }
 
 /// The group that a cluster is a child of; `None` for the root.
-fn above(clusters: &Clusters, id: ClusterId) -> Option<ClusterGroupId> {
+pub(super) fn above(clusters: &Clusters, id: ClusterId) -> Option<ClusterGroupId> {
     clusters.node(clusters.node(id)?.parent?)?.group
 }
 

@@ -81,7 +81,9 @@ fn assert_no_holes(name: &str, marq: &Path) {
                 stage.viewer().stats()
             );
             pictures += 1;
-            in_motion += usize::from(!stage.viewer().drawn().morphs.is_empty());
+            let drawn = stage.viewer().drawn();
+            let is_moving = !drawn.morphs.is_empty() || !drawn.group_morphs.is_empty();
+            in_motion += usize::from(is_moving);
             finer_than_base += usize::from(stage.viewer().stats().pages.fetched > 0);
         }
     }

@@ -41,10 +41,12 @@ fn assert_no_holes(name: &str, marq: &Path) {
     let mut pictures = 0;
     let mut in_motion = 0;
     let mut finer_than_base = 0;
+    let mut has_charts = false;
     for (state, share) in SHARES.into_iter().enumerate() {
         let mut stage =
             Stage::open(&headless, Arc::clone(&bytes), options(1.0), viewport()).unwrap();
         stage.let_through(share, state as u64);
+        has_charts = !stage.viewer().document().charts.is_empty();
         // In an order of its own, so that each view is reached from others in each state.
         let mut views: Vec<(usize, f64)> = (0..STANDARD_VIEWS)
             .flat_map(|view| DISTANCES.map(|distance| (view, distance)))
@@ -91,8 +93,14 @@ fn assert_no_holes(name: &str, marq: &Path) {
         "{name}: {pictures} pictures, {in_motion} in motion, {finer_than_base} beyond the base"
     );
     assert_eq!(pictures, STANDARD_VIEWS * DISTANCES.len() * SHARES.len());
+    // A file of clusters has a few small pages, which are there sooner.
+    let fewest = if has_charts {
+        pictures / 20
+    } else {
+        pictures / 40
+    };
     assert!(
-        in_motion > pictures / 20,
+        in_motion > fewest,
         "the test has not seen surfaces in motion"
     );
     assert!(

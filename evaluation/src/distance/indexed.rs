@@ -24,7 +24,7 @@ impl<'a> Indexed<'a> {
         Ok(Self { mesh, tree })
     }
 
-    /// What [`measure`] finds.
+    /// What [`measure`](super::measure) finds.
     pub fn measure(&self, other: &Self, samples: u64) -> Distances {
         let samples = samples.max(1);
         let forward = one_way(self.mesh, other.mesh, &other.tree, samples);

@@ -59,7 +59,7 @@ impl Frame {
             t.map(|v| quantize::lattice_from_world(&self.lattice, mesh.positions[v as usize]))
         };
         let is_flat = |[a, b, c]: [[u32; 3]; 3]| a == b || b == c || c == a;
-        let unit = self.lattice.step * f64::from(1u32 << self.lattice.shift);
+        let unit = unit(&self.lattice);
         let (mut all, mut flat) = (0.0, Vec::new());
         for t in &mesh.triangles {
             let [a, b, c] = t.map(|v| mesh.positions[v as usize]);
@@ -84,7 +84,7 @@ impl Frame {
     /// RMS error that leaves of clusters may have, a length, where `aim` is the part of the target that they are to keep: rounding to the
     /// lattice takes some of it.
     pub(super) fn trimmed_rms(&self, aim: f64) -> f64 {
-        let unit = self.lattice.step * f64::from(1u32 << self.lattice.shift);
+        let unit = unit(&self.lattice);
         let rounding = unit.powi(2) / 12.0;
         ((aim * self.target).powi(2) - rounding).max(0.0).sqrt()
     }
@@ -101,10 +101,15 @@ impl Frame {
     }
 }
 
+/// Length that coordinates on a lattice are multiples of.
+fn unit(lattice: &Lattice) -> f64 {
+    lattice.step * f64::from(1u32 << lattice.shift)
+}
+
 /// RMS distance that rounding to a lattice gives a surface of triangles longer than its steps, a length: each corner has a twelfth of the squared step along the
 /// normal, and what lies between half of that.
 pub(super) fn rounding(lattice: &Lattice) -> f64 {
-    lattice.step * f64::from(1u32 << lattice.shift) / 24.0_f64.sqrt()
+    unit(lattice) / 24.0_f64.sqrt()
 }
 
 /// Least and greatest coordinates.

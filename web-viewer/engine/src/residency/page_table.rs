@@ -25,7 +25,7 @@ const KEPT_COLOURED_BYTES: u64 = KEPT_BYTES + 2 * 3;
 /// Bytes of one sample kept for picking where there are no children: its position.
 const PICKED_BYTES: u64 = 12;
 
-/// Surfaces of groups that are held for more of their children.
+/// Surfaces of groups that are held for more of their children, beside the budget: they share meshes, which some may have outlived in the table.
 const SURFACES: usize = 32;
 
 /// Where a page is on the GPU.

@@ -85,10 +85,10 @@ impl Viewer {
             });
         let surface = |part: Part| match part {
             Part::Leaf(leaf) => self.patch_of(leaf, &at_rest).map(Surface::Patch),
-            Part::Cluster(id) => Some(Surface::Cluster(match document.page_of_cluster(id) {
-                Some(page) => self.table.cluster_mesh(Some(page))?,
-                None => &document.clusters.as_ref()?.root,
-            })),
+            Part::Cluster(id) => {
+                let mesh = self.table.cluster_mesh(document.page_of_cluster(id))?;
+                Some(Surface::Cluster(mesh))
+            }
         };
         nearest(ray, leaves.chain(clusters), surface, |point| {
             section.is_none_or(|half| half.contains(point))

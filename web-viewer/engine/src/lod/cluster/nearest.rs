@@ -2,6 +2,7 @@
 //!
 //! A binary tree of boxes, halved at the median across the longest extent of the centres; the nearest box is entered first. The nearest
 //! point of a triangle is after Ericson, "Real-Time Collision Detection", 2005, 5.1.5. Equal questions have equal answers, bit for bit.
+//! The tree of `evaluation` is for millions of triangles, in doubles; the engine knows only the format, and is what browsers load.
 
 use glam::Vec3;
 

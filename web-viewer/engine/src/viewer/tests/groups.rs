@@ -76,10 +76,8 @@ fn middles_met(viewer: &Viewer) -> usize {
     let lattice = &document.metadata.lattice;
     let mut met = 0;
     for id in cluster::drawn(document, &viewer.drawn().cut) {
-        let mesh = match document.page_of_cluster(id) {
-            Some(page) => viewer.table.cluster_mesh(Some(page)).unwrap(),
-            None => &document.clusters.as_ref().unwrap().root,
-        };
+        let mesh = viewer.table.cluster_mesh(document.page_of_cluster(id));
+        let mesh = mesh.unwrap();
         let corners = mesh.triangles[0].map(|corner| {
             let point = mesh.positions[usize::from(corner)];
             DVec3::from_array(point.map(f64::from))

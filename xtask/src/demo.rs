@@ -34,7 +34,7 @@ pub(crate) fn run(project: &Project, path: Option<PathBuf>) -> Result<()> {
     println!("\n[2/5] viewer for the browser");
     web::build(project)?;
     println!("\n[3/5] the marquetry binary (about 6 minutes the first time)");
-    test::build_native(project)?;
+    test::build_native(project, &["--bins"])?;
     println!("\n[4/5] a scan");
     let marq = scan(project, path)?;
     println!("\n[5/5] serving");

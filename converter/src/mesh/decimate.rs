@@ -95,8 +95,11 @@ pub fn is_torn(mesh: &WeldedMesh) -> bool {
 
 /// Edges shorter than this, over the edge of equal triangles, are collapsed; the edges left are about as long as those.
 const SHORT: f64 = 0.8;
-/// Triangles of a block.
-const BLOCK: usize = 1 << 16;
+/// Triangles of a block, at least and at most.
+const LEAST_BLOCK: usize = 1 << 14;
+const MOST_BLOCK: usize = 1 << 16;
+/// Blocks of a mesh that has fewer triangles than so many of the largest: threads share them evenly.
+const BLOCKS: usize = 16;
 
 /// What decimation did.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
@@ -164,8 +167,9 @@ impl Pass {
         /// Of a vertex that several blocks have.
         const SHARED: u32 = NONE - 1;
         let order = along_curve(mesh, origin);
+        let block = (order.len().div_ceil(BLOCKS)).clamp(LEAST_BLOCK, MOST_BLOCK);
         let mut owner = vec![NONE; mesh.positions.len()];
-        for (block, number) in order.chunks(BLOCK).zip(0..) {
+        for (block, number) in order.chunks(block).zip(0..) {
             for &t in block {
                 for v in mesh.triangles[t as usize] {
                     let owner = &mut owner[v as usize];
@@ -178,7 +182,7 @@ impl Pass {
             }
         }
         let blocks: Vec<Collapsed> = order
-            .par_chunks(BLOCK)
+            .par_chunks(block)
             .map(|block| {
                 let triangles: Vec<[u32; 3]> =
                     block.iter().map(|&t| mesh.triangles[t as usize]).collect();

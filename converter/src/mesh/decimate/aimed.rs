@@ -11,6 +11,9 @@ use marquetry_evaluation::distance::Indexed;
 pub const MOST_KEPT: usize = 8_000_000;
 /// Samples of a measurement.
 const SAMPLES: u64 = 60_000;
+/// A measurement of one in so many of the samples does where it shows a part of what is wanted outside of these.
+const FEW: u64 = 4;
+const NEAR: std::ops::Range<f64> = 0.8..1.3;
 /// Passes, at most, those taken back among them.
 const PASSES: u32 = 6;
 /// Limit of the first pass, over the RMS distance wanted.
@@ -61,7 +64,7 @@ pub fn aimed(source: &WeldedMesh, wanted: f64, is_torn: bool) -> (WeldedMesh, De
         };
         moved(&mut after.positions, &pass.moved);
         weld::drop_unused(&mut after.positions, &mut after.triangles);
-        let reached = rms(source, &after);
+        let reached = rms(source, &after, wanted);
         let further = AIM * wanted / reached.max(f64::MIN_POSITIVE);
         if reached <= wanted {
             decimated.rms = reached;
@@ -81,9 +84,15 @@ pub fn aimed(source: &WeldedMesh, wanted: f64, is_torn: bool) -> (WeldedMesh, De
     (mesh, decimated)
 }
 
-/// RMS distance from samples of the source.
-fn rms(source: &WeldedMesh, mesh: &WeldedMesh) -> f64 {
-    Indexed::new(mesh.surface()).map_or(f64::INFINITY, |mesh| {
+/// RMS distance from samples of the source; from few of them where it is not near what is `wanted`.
+fn rms(source: &WeldedMesh, mesh: &WeldedMesh, wanted: f64) -> f64 {
+    let Ok(mesh) = Indexed::new(mesh.surface()) else {
+        return f64::INFINITY;
+    };
+    let reached = mesh.rms_from(source.surface(), SAMPLES / FEW);
+    if NEAR.contains(&(reached / wanted)) {
         mesh.rms_from(source.surface(), SAMPLES)
-    })
+    } else {
+        reached
+    }
 }

@@ -26,12 +26,16 @@ const HAIR: f64 = 1e-9;
 pub(super) struct Change {
     pub(super) of_kept: Vec<u32>,
     pub(super) of_gone: Vec<u32>,
-    /// Vertices around what is put in.
+    /// Vertices around what is put in; without `kept` where that is held.
     pub(super) ring: Vec<u32>,
     /// Where the vertex that is left goes.
     pub(super) place: DVec3,
     /// Bound of the distance from the source afterwards.
     pub(super) error: f32,
+    /// Places of [`GONE`], [`KEPT`], [`PUT`] and the ring, which are the numbers in patches; then as seen along the normal: x and y across it, z along it.
+    points: Vec<DVec3>,
+    /// Of the block's vertices that have one, the number among the points.
+    numbers: Vec<usize>,
     /// What is taken away, and what is put in its place.
     old: Patch,
     new: Patch,
@@ -41,57 +45,69 @@ pub(super) struct Change {
     is_folded: bool,
 }
 
-/// Triangles seen along a normal: x and y across it, z along it.
+/// The vertex that goes, the one that stays, and its new place, among the points of a [`Change`].
+const GONE: usize = 0;
+const KEPT: usize = 1;
+const PUT: usize = 2;
+/// The first of the ring.
+const RING: usize = 3;
+
+/// Some of the triangles around an edge.
 #[derive(Debug, Default)]
 struct Patch {
-    triangles: Vec<[DVec3; 3]>,
+    triangles: Vec<[usize; 3]>,
     /// Ends of the edges that are not on its border.
-    edges: Vec<[DVec3; 2]>,
+    edges: Vec<[usize; 2]>,
     /// Vertices that are not on its border.
-    inner: Vec<DVec3>,
+    inner: Vec<usize>,
 }
 
 impl Change {
     /// Whether `gone` may become one with `kept`, and how.
     pub(super) fn plan(&mut self, block: &Block, kept: u32, gone: u32) -> bool {
-        block.around(kept, &mut self.of_kept);
-        block.around(gone, &mut self.of_gone);
-        if !self.keeps_topology(block, kept, gone) {
-            return false;
-        }
         let [a, b] = [kept, gone].map(|v| block.positions[v as usize]);
         let mut quadric = block.quadrics[kept as usize];
         quadric += block.quadrics[gone as usize];
         let limit = block.limits.rms.powi(2);
-        let mut may_be_at = |place: DVec3| {
-            quadric.mean_square(place) <= limit && self.plan_at(block, kept, gone, place)
-        };
-        if block.held[kept as usize] {
-            return may_be_at(a);
-        }
+        let is_held = block.held[kept as usize];
         let middle = a.midpoint(b);
-        let best = quadric.best(middle);
-        let is_near = best.distance_squared(middle) <= a.distance_squared(b);
+        let best = if is_held { a } else { quadric.best(middle) };
+        let is_near = is_held || best.distance_squared(middle) <= a.distance_squared(b);
         // Where noise is all there is, planes say little.
-        is_near && may_be_at(best) || may_be_at(middle)
+        let places = [is_near.then_some(best), (!is_held).then_some(middle)]
+            .map(|place| place.filter(|&place| quadric.mean_square(place) <= limit));
+        if places == [None; 2] {
+            return false;
+        }
+        block.around(kept, &mut self.of_kept);
+        block.around(gone, &mut self.of_gone);
+        self.keeps_topology(block, kept, gone)
+            && places
+                .into_iter()
+                .flatten()
+                .any(|place| self.plan_at(block, kept, gone, place))
     }
 
     /// Whether `gone` and `kept` may become one at `place`.
     fn plan_at(&mut self, block: &Block, kept: u32, gone: u32, place: DVec3) -> bool {
         self.place = place;
         let is_held = block.held[kept as usize];
-        let Some(normal) = self.normal(block, kept, gone) else {
-            return false;
-        };
-        self.project(block, kept, gone, normal);
-        let Some(height) = self.height() else {
-            return false;
-        };
         let taken = self
             .of_gone
             .iter()
             .chain(if is_held { &[][..] } else { &self.of_kept });
         let before = taken.map(|&t| block.errors[t as usize]).fold(0.0, f32::max);
+        if f64::from(before) > block.limits.bound {
+            return false;
+        }
+        self.put_together(block, kept, gone);
+        let Some(normal) = self.normal(is_held) else {
+            return false;
+        };
+        self.see_along(normal);
+        let Some(height) = self.height() else {
+            return false;
+        };
         #[expect(clippy::cast_possible_truncation, reason = "rounded up")]
         let error = (height as f32).next_up() + before;
         self.error = error.next_up();
@@ -136,76 +152,88 @@ impl Change {
         true
     }
 
-    /// Fills in the triangles of both patches; the mean normal, if the new one is not turned over anywhere along it, and as
-    /// well shaped as it should be.
-    fn normal(&mut self, block: &Block, kept: u32, gone: u32) -> Option<DVec3> {
+    /// Fills in the points and both patches.
+    fn put_together(&mut self, block: &Block, kept: u32, gone: u32) {
         let Self {
-            old, new, looks, ..
+            points,
+            numbers,
+            old,
+            new,
+            ring,
+            ..
         } = self;
+        let is_held = block.held[kept as usize];
+        let at = |v: u32| block.positions[v as usize];
+        points.clear();
+        points.extend([at(gone), at(kept), self.place]);
+        points.extend(ring.iter().map(|&v| at(v)));
+        // Numbers of other blocks and collapses stay in the others: none of these is asked for.
+        numbers.resize(block.positions.len(), 0);
+        numbers[gone as usize] = GONE;
+        numbers[kept as usize] = KEPT;
+        for (number, &v) in (RING..).zip(&*ring) {
+            numbers[v as usize] = number;
+        }
+        let number = |v: u32| numbers[v as usize];
         old.clear();
         new.clear();
-        let at = |v: u32| block.positions[v as usize];
-        let is_held = block.held[kept as usize];
         for &t in &self.of_gone {
             let corners = block.triangles[t as usize];
-            old.triangles.push(corners.map(at));
-            if !corners.contains(&kept) {
-                let [a, b] = opposite(corners, gone);
-                new.triangles.push([self.place, at(a), at(b)]);
+            let [a, b] = opposite(corners, gone).map(number);
+            old.triangles.push(corners.map(number));
+            old.edges.push([GONE, a]);
+            if a != KEPT && b != KEPT {
+                new.triangles.push([PUT, a, b]);
             }
         }
-        for &t in self.of_kept.iter().filter(|_| !is_held) {
-            let corners = block.triangles[t as usize];
-            if !corners.contains(&gone) {
-                old.triangles.push(corners.map(at));
-                let [a, b] = opposite(corners, kept);
-                new.triangles.push([self.place, at(a), at(b)]);
+        old.inner.push(GONE);
+        if !is_held {
+            for &t in &self.of_kept {
+                let corners = block.triangles[t as usize];
+                let [a, b] = opposite(corners, kept).map(number);
+                if a != GONE {
+                    old.edges.push([KEPT, a]);
+                    if b != GONE {
+                        old.triangles.push(corners.map(number));
+                        new.triangles.push([PUT, a, b]);
+                    }
+                }
             }
+            old.inner.push(KEPT);
+            new.inner.push(PUT);
         }
+        new.edges
+            .extend(new.triangles.iter().map(|&[put, a, _]| [put, a]));
+    }
+
+    /// The mean normal, if the new patch is not turned over anywhere along it, and as well shaped as it should be.
+    fn normal(&mut self, is_held: bool) -> Option<DVec3> {
+        let look = |t: &[usize; 3]| Look::of(t.map(|p| self.points[p]));
+        let looks = &mut self.looks;
         looks.clear();
-        looks.extend(old.triangles.iter().map(Look::of));
+        looks.extend(self.old.triangles.iter().map(look));
         let sum: DVec3 = looks.iter().map(|look| look.doubled).sum();
         let normal = sum.try_normalize()?;
         let least = |of: &dyn Fn(&Look) -> f64| looks.iter().map(of).fold(f64::INFINITY, f64::min);
         let steepest = least(&|look| look.cosine(normal));
         let thinnest = least(&|look| look.shape);
         self.is_folded = steepest <= 0.0;
-        let is_good = |t: &[DVec3; 3]| {
-            let look = Look::of(t);
+        let is_good = |t: &[usize; 3]| {
+            let look = look(t);
             look.cosine(normal) >= steepest.clamp(LEAST_COSINE, COSINE)
                 && look.shape >= thinnest.min(SHAPE)
         };
         // The angles around a vertex on the border of what is taken away do not say how often the new patch goes around it.
-        let is_fit = !(self.is_folded && is_held) && new.triangles.iter().all(is_good);
+        let is_fit = !(self.is_folded && is_held) && self.new.triangles.iter().all(is_good);
         is_fit.then_some(normal)
     }
 
-    /// Fills in the rest of both patches, and turns them to be seen along `normal`.
-    fn project(&mut self, block: &Block, kept: u32, gone: u32, normal: DVec3) {
-        let Self { old, new, .. } = self;
-        let at = |v: u32| block.positions[v as usize];
-        for &t in &self.of_gone {
-            let [a, _] = opposite(block.triangles[t as usize], gone);
-            old.edges.push([at(gone), at(a)]);
-        }
-        old.inner.push(at(gone));
-        if !block.held[kept as usize] {
-            for &t in &self.of_kept {
-                let [a, _] = opposite(block.triangles[t as usize], kept);
-                if a != gone {
-                    old.edges.push([at(kept), at(a)]);
-                }
-            }
-            old.inner.push(at(kept));
-            new.inner.push(self.place);
-        }
-        for &[place, a, _] in &new.triangles {
-            new.edges.push([place, a]);
-        }
+    /// Turns the points to be seen along `normal`.
+    fn see_along(&mut self, normal: DVec3) {
         let (across, up) = normal.any_orthonormal_pair();
-        let seen = |p: &mut DVec3| *p = DVec3::new(p.dot(across), p.dot(up), p.dot(normal));
-        old.each(seen);
-        new.each(seen);
+        for p in &mut self.points {
+            *p = DVec3::new(p.dot(across), p.dot(up), p.dot(normal));
+        }
     }
 
     /// Largest distance between both patches along the normal; `None` where rounding hides it, or the old patch reaches
@@ -214,11 +242,13 @@ impl Change {
         if self.is_folded && !self.lies_within() {
             return None;
         }
+        let points = &self.points;
         let mut largest = 0.0_f64;
         for (patch, other) in [(&self.old, &self.new), (&self.new, &self.old)] {
             for &point in &patch.inner {
-                let triangles = other.triangles.iter();
-                let heights = triangles.filter_map(|t| height_at(*t, point.truncate()));
+                let point = points[point];
+                let triangles = other.triangles.iter().map(|t| t.map(|p| points[p]));
+                let heights = triangles.filter_map(|t| height_at(t, point.truncate()));
                 // One, but on edges, and where the old patch is folded.
                 largest = largest.max(
                     heights
@@ -228,8 +258,9 @@ impl Change {
             }
         }
         for old in &self.old.edges {
+            let old = old.map(|p| points[p]);
             for new in &self.new.edges {
-                if let Some([a, b]) = crossing(*old, *new) {
+                if let Some([a, b]) = crossing(old, new.map(|p| points[p])) {
                     largest = largest.max((a - b).abs());
                 }
             }
@@ -241,14 +272,14 @@ impl Change {
     ///
     /// Then the old patch lies above or below the new one everywhere, folded as it may be, and covers all of it.
     fn lies_within(&self) -> bool {
-        let flat = |p: DVec3| p.truncate();
-        let turns = |&[middle, a, b]: &[DVec3; 3]| {
+        let flat = |p: usize| self.points[p].truncate();
+        let turns = |&[middle, a, b]: &[usize; 3]| {
             (flat(a) - flat(middle)).angle_to(flat(b) - flat(middle))
         };
         let around: f64 = self.new.triangles.iter().map(turns).sum();
-        let crosses = |&[_, a, b]: &[DVec3; 3]| {
+        let crosses = |&[_, a, b]: &[usize; 3]| {
             self.old.edges.iter().any(|&[c, d]| {
-                let side = |from: DVec3, to: DVec3, p: DVec3| {
+                let side = |from: usize, to: usize, p: usize| {
                     (flat(to) - flat(from)).perp_dot(flat(p) - flat(from))
                 };
                 d != a
@@ -273,7 +304,7 @@ struct Look {
 }
 
 impl Look {
-    fn of(&[a, b, c]: &[DVec3; 3]) -> Self {
+    fn of([a, b, c]: [DVec3; 3]) -> Self {
         let doubled = (b - a).cross(c - a);
         let longest = a.distance_squared(b);
         let longest = longest
@@ -298,14 +329,6 @@ impl Patch {
         self.edges.clear();
         self.inner.clear();
     }
-
-    fn each(&mut self, change: impl Fn(&mut DVec3)) {
-        let corners = self.triangles.as_flattened_mut().iter_mut();
-        let ends = self.edges.as_flattened_mut().iter_mut();
-        for point in corners.chain(ends).chain(&mut self.inner) {
-            change(point);
-        }
-    }
 }
 
 /// The edge opposite to a corner, in the triangle's sense.
@@ -324,9 +347,14 @@ fn height_at([a, b, c]: [DVec3; 3], point: DVec2) -> Option<f64> {
     let (ab, ac) = ((b - a).truncate(), (c - a).truncate());
     let doubled = ab.perp_dot(ac);
     let from_a = point - a.truncate();
-    let (s, t) = (from_a.perp_dot(ac) / doubled, ab.perp_dot(from_a) / doubled);
-    (s >= -HAIR && t >= -HAIR && s + t <= 1.0 + HAIR)
-        .then_some(a.z + s * (b.z - a.z) + t * (c.z - a.z))
+    // Over `doubled` they are the parts of the way to b and to c.
+    let sign = doubled.signum();
+    let (s, t) = (sign * from_a.perp_dot(ac), sign * ab.perp_dot(from_a));
+    let hair = HAIR * doubled.abs();
+    // Divisions take long, and nearly all points are outside.
+    let is_inside =
+        (s >= -hair) & (t >= -hair) & (s + t <= doubled.abs() + hair) & (doubled != 0.0);
+    is_inside.then(|| a.z + (s * (b.z - a.z) + t * (c.z - a.z)) / doubled.abs())
 }
 
 /// Heights of two edges where they cross in the projection.
@@ -334,7 +362,15 @@ fn crossing([a, b]: [DVec3; 2], [c, d]: [DVec3; 2]) -> Option<[f64; 2]> {
     let (ab, cd) = ((b - a).truncate(), (d - c).truncate());
     let cross = ab.perp_dot(cd);
     let ac = (c - a).truncate();
-    let (s, t) = (ac.perp_dot(cd) / cross, ac.perp_dot(ab) / cross);
-    let is_on = |part: f64| (0.0..=1.0).contains(&part);
-    (is_on(s) && is_on(t)).then_some([a.z + s * (b.z - a.z), c.z + t * (d.z - c.z)])
+    // Over `cross` they are the parts of the ways along both.
+    let sign = cross.signum();
+    let (s, t) = (sign * ac.perp_dot(cd), sign * ac.perp_dot(ab));
+    let length = cross.abs();
+    let is_crossed = (s >= 0.0) & (s <= length) & (t >= 0.0) & (t <= length) & (length > 0.0);
+    is_crossed.then(|| {
+        [
+            a.z + s / length * (b.z - a.z),
+            c.z + t / length * (d.z - c.z),
+        ]
+    })
 }

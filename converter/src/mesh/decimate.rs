@@ -56,15 +56,6 @@ impl Goal {
             enough,
         }
     }
-
-    /// Of a mesh whose triangles are shown as they are, and that is too large to be measured in between ([`aimed()`]).
-    pub fn for_clusters(target: f64) -> Self {
-        Self {
-            rms: 0.7 * target,
-            bound: 6.0 * target,
-            enough: 0,
-        }
-    }
 }
 
 /// Whether a mesh is so full of borders and non-manifold edges that it will be clusters: photogrammetry of what has no clear surface. Small

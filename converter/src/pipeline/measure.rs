@@ -16,7 +16,7 @@ const TRIM_STEP: f64 = 0.9;
 const TIGHT: f64 = 2.0;
 
 /// Samples of the measurement of the written file, each way, beside all vertices.
-const MEASURED_SAMPLES: u64 = 100_000;
+pub(super) const MEASURED_SAMPLES: u64 = 100_000;
 
 impl Conversion<'_> {
     /// Measures the surface that will be written, with more in its clusters where too much was left out.
@@ -28,17 +28,13 @@ impl Conversion<'_> {
         clusters: Option<&mut cluster::Layer>,
         frame: &Frame,
     ) -> Result<ErrorReport, ConvertError> {
-        let unmeasured = |source| ConvertError::Measure {
-            path: self.input.to_owned(),
-            source,
-        };
         let Some(layer) = clusters else {
             let (positions, triangles) = quantize::finest_surface(&atlas.charts, &frame.lattice);
             let surface = distance::Mesh {
                 positions: &positions,
                 triangles: &triangles,
             };
-            let found = Found::of(surface, source, gone).map_err(unmeasured)?;
+            let found = Found::of(surface, source, gone).map_err(|e| self.unmeasured(e))?;
             return Ok(self.error(found, atlas.max_error, frame));
         };
         if atlas.charts.is_empty() && gone.is_empty() {
@@ -53,7 +49,7 @@ impl Conversion<'_> {
                 positions: &positions,
                 triangles: &triangles,
             };
-            let found = Found::of(surface, source, gone).map_err(unmeasured)?;
+            let found = Found::of(surface, source, gone).map_err(|e| self.unmeasured(e))?;
             let error = self.error(found, atlas.max_error.max(layer.max_error), frame);
             if !trimmed_less(layer, &error, &mut aim, frame) {
                 return Ok(error);
@@ -68,11 +64,7 @@ impl Conversion<'_> {
         layer: &mut cluster::Layer,
         frame: &Frame,
     ) -> Result<ErrorReport, ConvertError> {
-        let unmeasured = |source| ConvertError::Measure {
-            path: self.input.to_owned(),
-            source,
-        };
-        let source = Indexed::new(source).map_err(unmeasured)?;
+        let source = Indexed::new(source).map_err(|e| self.unmeasured(e))?;
         let mut aim = TRIM_AIM;
         loop {
             let (mut positions, mut triangles) = (Vec::new(), Vec::new());
@@ -81,7 +73,7 @@ impl Conversion<'_> {
                 positions: &positions,
                 triangles: &triangles,
             })
-            .map_err(unmeasured)?;
+            .map_err(|e| self.unmeasured(e))?;
             let measured = surface.measure(&source, MEASURED_SAMPLES);
             let found = Found {
                 rms: measured.rms(),
@@ -96,6 +88,13 @@ impl Conversion<'_> {
             }
             layer.tighten(&surface, &source, found.hausdorff);
             return Ok(self.error(found, layer.max_error, frame));
+        }
+    }
+
+    pub(super) fn unmeasured(&self, source: MeshError) -> ConvertError {
+        ConvertError::Measure {
+            path: self.input.to_owned(),
+            source,
         }
     }
 
@@ -138,7 +137,7 @@ struct Found {
 }
 
 impl Found {
-    /// Between a surface and a source. Vertices of the source that are `gone` from the mesh to measure against are measured by themselves.
+    /// Between a surface and a source. Points of the source that are `gone` from the mesh to measure against are measured by themselves.
     fn of(
         surface: distance::Mesh<'_>,
         source: distance::Mesh<'_>,

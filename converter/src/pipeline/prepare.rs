@@ -1,6 +1,7 @@
 //! From a file to the surface to convert: imported, welded, without triangles that there are too many of, and manifold.
 
 use super::frame::{self, Frame, bounds};
+use super::measure::MEASURED_SAMPLES;
 use super::{Conversion, ConvertError};
 use crate::atlas::{build, quantize};
 use crate::cluster;
@@ -12,7 +13,9 @@ use crate::mesh::{self, ImportedMesh, ManifoldMesh, WeldedMesh};
 use crate::report::{ErrorReport, LayoutReport};
 use crate::texture::stage::Textures;
 use glam::DVec3;
+use marquetry_evaluation::distance;
 use marquetry_format::writer::ColourInput;
+use std::borrow::Cow;
 
 /// An import, ready to be converted.
 pub(super) struct Prepared<'a> {
@@ -28,7 +31,7 @@ pub(super) struct Prepared<'a> {
 pub(super) enum Origin<'a> {
     /// The mesh before it was decimated.
     Kept(&'a WeldedMesh),
-    /// The mesh that is converted, and some of the vertices that decimation took away.
+    /// The mesh that is converted, and points of the one before it was decimated.
     Gone(Vec<DVec3>),
 }
 
@@ -45,6 +48,8 @@ pub(super) struct Built {
 
 /// Part of the target that decimation and rounding to the lattice together are to take.
 const AIM: f64 = 0.965;
+/// The same where the source is not kept: there is no second attempt.
+const AIM_NOT_KEPT: f64 = 0.93;
 /// At least so much closer the next attempt is after one above the target.
 const STEP: f64 = 0.95;
 /// An attempt that is to keep less than this part of the target leaves all triangles.
@@ -64,20 +69,20 @@ impl Conversion<'_> {
         let mut without_charts = !self.options.charts.of(is_plain);
         let mut gone = Vec::new();
         if is_plain {
-            let target = self.target(&welded);
             let is_torn = decimate::is_torn(&welded);
             without_charts = without_charts || is_torn;
+            let most = self.options.decimate_above;
             if without_charts && welded.triangles.len() <= decimate::MOST_KEPT {
                 return self.built_of((&welded, is_torn), &account, textures, AIM);
-            }
-            let most = self.options.decimate_above;
-            let goal = if without_charts {
-                Some(Goal::for_clusters(target))
-            } else {
-                (welded.triangles.len() > most).then(|| Goal::for_charts(target, most / 2))
-            };
-            if let Some(goal) = goal {
+            } else if without_charts {
                 self.begin("decimate")?;
+                gone = distance::samples(welded.surface(), MEASURED_SAMPLES)
+                    .map_err(|source| self.unmeasured(source))?;
+                let wanted = self.decimated_rms(&welded, AIM_NOT_KEPT);
+                (welded, account.decimated) = decimate::aimed(Cow::Owned(welded), wanted, is_torn);
+            } else if welded.triangles.len() > most {
+                self.begin("decimate")?;
+                let goal = Goal::for_charts(self.target(&welded), most / 2);
                 (account.decimated, gone) = decimate::decimate(&mut welded, goal);
             }
         }
@@ -99,18 +104,15 @@ impl Conversion<'_> {
         textures: &Textures,
         mut aim: f64,
     ) -> Result<Built, ConvertError> {
-        let target = self.target(source);
-        let (min, max) = bounds(&source.positions);
-        let rounding = frame::rounding(&quantize::lattice(min, max, target)).powi(2);
         loop {
             self.begin("decimate")?;
             let mut account = account.clone();
-            let wanted = ((aim * target).powi(2) - rounding).max(0.0).sqrt();
+            let wanted = self.decimated_rms(source, aim);
             let mesh;
             (mesh, account.decimated) = if aim < LEAST || wanted <= 0.0 {
                 (source.clone(), Decimated::default())
             } else {
-                decimate::aimed(source, wanted, is_torn)
+                decimate::aimed(Cow::Borrowed(source), wanted, is_torn)
             };
             let has_less = account.decimated.triangles > 0;
             let prepared = self.oriented(mesh, account, false, Origin::Kept(source), true)?;
@@ -121,6 +123,14 @@ impl Conversion<'_> {
             }
             aim *= STEP / over;
         }
+    }
+
+    /// RMS distance that decimation may take, a length, where `aim` is the part of the target for it and for rounding to the lattice.
+    fn decimated_rms(&self, source: &WeldedMesh, aim: f64) -> f64 {
+        let target = self.target(source);
+        let (min, max) = bounds(&source.positions);
+        let rounding = frame::rounding(&quantize::lattice(min, max, target));
+        ((aim * target).powi(2) - rounding.powi(2)).max(0.0).sqrt()
     }
 
     /// RMS error wanted, a length.

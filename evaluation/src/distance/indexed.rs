@@ -1,6 +1,8 @@
 //! A mesh that is measured more than once.
 
-use super::{Bvh, Distances, Mesh, MeshError, of_both, one_way, sampled};
+use super::{Bvh, CHUNK, Coherent, Distances, Mesh, MeshError, OneWay, Sums, of_both, one_way};
+use glam::DVec3;
+use rayon::prelude::*;
 
 /// A mesh and its tree, for more than one measurement.
 #[derive(Debug)]
@@ -32,10 +34,23 @@ impl<'a> Indexed<'a> {
         of_both(&forward, &backward, samples)
     }
 
-    /// RMS distance to this mesh from `samples` samples, at least 1, over another that has finite corners.
-    pub fn rms_from(&self, other: Mesh<'_>, samples: u64) -> f64 {
-        sampled(other, self.mesh, &self.tree, samples.max(1))
-            .distances()
-            .rms
+    /// What [`from_points`](super::from_points) finds.
+    pub fn from_points(&self, points: &[DVec3]) -> OneWay {
+        let chunks: Vec<Sums> = points
+            .par_chunks(CHUNK)
+            .map(|chunk| {
+                let mut near = Coherent::new(&self.tree);
+                let mut sums = Sums::default();
+                for closest in chunk.iter().filter_map(|&point| near.closest(point)) {
+                    sums.add(closest.distance2);
+                }
+                sums
+            })
+            .collect();
+        let mut total = Sums::default();
+        for chunk in &chunks {
+            total.merge(chunk);
+        }
+        total.distances()
     }
 }

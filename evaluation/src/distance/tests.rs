@@ -170,10 +170,12 @@ fn trees_that_are_kept_measure_alike() {
     let [one, other] = [first, second].map(|mesh| Indexed::new(mesh).unwrap());
     let expected = measure(first, second, 5000).unwrap();
     assert_eq!(one.measure(&other, 5000), expected);
-    assert_eq!(
-        one.rms_from(second, 5000).to_bits(),
-        expected.backward.rms.to_bits()
-    );
+    let points = samples(second, 5000).unwrap();
+    assert_eq!(points.len(), 5000);
+    let found = one.from_points(&points);
+    assert_eq!(found.rms.to_bits(), expected.backward.rms.to_bits());
+    let outside = of(&a, &[[0, 1, u32::MAX]]);
+    assert!(samples(outside, 10).is_err());
     assert_eq!(Indexed::new(of(&a, &[])).unwrap_err(), MeshError::Empty);
 }
 

@@ -5,14 +5,16 @@
 
 use super::{Decimated, Limits, Pass, area, moved};
 use crate::mesh::{WeldedMesh, weld};
-use marquetry_evaluation::distance::Indexed;
+use glam::DVec3;
+use marquetry_evaluation::distance::{self, Indexed, MeshError};
+use std::borrow::Cow;
 
-/// Most triangles of a source that is kept to be measured against.
+/// Most triangles of a source that is kept to measure against what is made of it.
 pub const MOST_KEPT: usize = 8_000_000;
 /// Samples of a measurement.
 const SAMPLES: u64 = 60_000;
 /// A measurement of one in so many of the samples does where it shows a part of what is wanted outside of these.
-const FEW: u64 = 4;
+const FEW: usize = 4;
 const NEAR: std::ops::Range<f64> = 0.8..1.3;
 /// Passes, at most, those taken back among them.
 const PASSES: u32 = 6;
@@ -39,11 +41,16 @@ const FEWEST: usize = 30;
 
 /// What is left of a mesh without colours when as many triangles are gone as an RMS distance of `wanted`, a length, from it allows.
 ///
-/// The same for any number of threads.
-pub fn aimed(source: &WeldedMesh, wanted: f64, is_torn: bool) -> (WeldedMesh, Decimated) {
+/// An owned mesh is freed after the first pass. The same for any number of threads.
+pub fn aimed(source: Cow<'_, WeldedMesh>, wanted: f64, is_torn: bool) -> (WeldedMesh, Decimated) {
     let bound = if is_torn { BOUND_TORN } else { BOUND };
     let mut decimated = Decimated::default();
-    let mut mesh: Option<WeldedMesh> = None;
+    let (triangles, area_before) = (source.triangles.len(), area(&source));
+    // What is welded has indices in range and finite places; anything else stays as it is.
+    let Ok(samples) = Samples::of(&source) else {
+        return (source.into_owned(), decimated);
+    };
+    let mut mesh = source;
     let mut limit = FIRST * wanted;
     for number in 0..PASSES {
         let limits = Limits {
@@ -52,24 +59,23 @@ pub fn aimed(source: &WeldedMesh, wanted: f64, is_torn: bool) -> (WeldedMesh, De
             bound: bound * wanted,
             notes_gone: false,
         };
-        let before = mesh.as_ref().unwrap_or(source);
         // Other blocks each time.
-        let pass = Pass::over(before, limits, (0.6 * f64::from(number)).fract());
-        let count = before.triangles.len();
+        let pass = Pass::over(&mesh, limits, (0.6 * f64::from(number)).fract());
+        let count = mesh.triangles.len();
         let is_last = count - pass.triangles.len() < count / FEWEST;
         let mut after = WeldedMesh {
-            positions: before.positions.clone(),
+            positions: mesh.positions.clone(),
             colours: Vec::new(),
             triangles: pass.triangles,
         };
         moved(&mut after.positions, &pass.moved);
         weld::drop_unused(&mut after.positions, &mut after.triangles);
-        let reached = rms(source, &after, wanted);
+        let reached = samples.rms(&after, wanted);
         let further = AIM * wanted / reached.max(f64::MIN_POSITIVE);
         if reached <= wanted {
             decimated.rms = reached;
             decimated.bound += pass.bound;
-            mesh = Some(after);
+            mesh = Cow::Owned(after);
             if is_last && number > 0 || reached >= ENOUGH * wanted {
                 break;
             }
@@ -78,21 +84,34 @@ pub fn aimed(source: &WeldedMesh, wanted: f64, is_torn: bool) -> (WeldedMesh, De
             limit *= further.powf(BACK).max(1.0 / STEP);
         }
     }
-    let mesh = mesh.unwrap_or_else(|| source.clone());
-    decimated.triangles = source.triangles.len() - mesh.triangles.len();
-    decimated.area = area(source) - area(&mesh);
-    (mesh, decimated)
+    decimated.triangles = triangles - mesh.triangles.len();
+    decimated.area = area_before - area(&mesh);
+    (mesh.into_owned(), decimated)
 }
 
-/// RMS distance from samples of the source; from few of them where it is not near what is `wanted`.
-fn rms(source: &WeldedMesh, mesh: &WeldedMesh, wanted: f64) -> f64 {
-    let Ok(mesh) = Indexed::new(mesh.surface()) else {
-        return f64::INFINITY;
-    };
-    let reached = mesh.rms_from(source.surface(), SAMPLES / FEW);
-    if NEAR.contains(&(reached / wanted)) {
-        mesh.rms_from(source.surface(), SAMPLES)
-    } else {
-        reached
+/// Points of the source.
+struct Samples {
+    all: Vec<DVec3>,
+    few: Vec<DVec3>,
+}
+
+impl Samples {
+    fn of(source: &WeldedMesh) -> Result<Self, MeshError> {
+        let all = distance::samples(source.surface(), SAMPLES)?;
+        let few = all.iter().copied().step_by(FEW).collect();
+        Ok(Self { all, few })
+    }
+
+    /// RMS distance from a mesh; from few of the points where it is not near what is `wanted`.
+    fn rms(&self, mesh: &WeldedMesh, wanted: f64) -> f64 {
+        let Ok(mesh) = Indexed::new(mesh.surface()) else {
+            return f64::INFINITY;
+        };
+        let reached = mesh.from_points(&self.few).rms;
+        if NEAR.contains(&(reached / wanted)) {
+            mesh.from_points(&self.all).rms
+        } else {
+            reached
+        }
     }
 }

@@ -1,6 +1,7 @@
 use super::*;
 use crate::mesh::{ImportedMesh, ManifoldMesh, orient, weld};
 use marquetry_evaluation::distance;
+use std::borrow::Cow;
 
 /// A torus of two triangles for each of `rings` × `columns` cells, moved by some noise.
 fn torus(rings: u32, columns: u32, noise: f64) -> ImportedMesh {
@@ -170,7 +171,7 @@ fn aimed_decimation_comes_near_what_is_wanted_and_not_above() {
         let source = torus(300, 200, noise);
         let wanted = 1e-3;
         let (welded, mut account) = weld(source.clone()).unwrap();
-        let (mesh, report) = aimed(&welded, wanted, false);
+        let (mesh, report) = aimed(Cow::Borrowed(&welded), wanted, false);
         assert_eq!(report.triangles + mesh.triangles.len(), 120_000);
         account.decimated = report;
         let manifold = orient(mesh, &mut account);
@@ -187,7 +188,7 @@ fn aimed_decimation_comes_near_what_is_wanted_and_not_above() {
 #[test]
 fn aimed_decimation_leaves_what_has_nothing_to_spare() {
     let source = weld(torus(60, 40, 5e-2)).unwrap().0;
-    let (mesh, report) = aimed(&source, 1e-6, true);
+    let (mesh, report) = aimed(Cow::Borrowed(&source), 1e-6, true);
     assert!(mesh.triangles.len() > 4700, "{report:?}");
     assert!(report.rms <= 1e-6);
 }
@@ -200,7 +201,7 @@ fn threads_do_not_change_aimed_decimation() {
             .num_threads(threads)
             .build()
             .unwrap();
-        pool.install(|| aimed(&source, 1e-3, false))
+        pool.install(|| aimed(Cow::Borrowed(&source), 1e-3, false))
     };
     let ((one, first), (two, second)) = (run(1), run(3));
     assert_eq!(

@@ -71,6 +71,8 @@ pub fn aimed(source: Cow<'_, WeldedMesh>, wanted: f64, is_torn: bool) -> (Welded
         moved(&mut after.positions, &pass.moved);
         weld::drop_unused(&mut after.positions, &mut after.triangles);
         let reached = samples.rms(&after, wanted);
+        let (left, part) = (after.triangles.len(), reached / wanted);
+        tracing::debug!(number, limit = limit / wanted, count, left, part, "pass");
         let further = AIM * wanted / reached.max(f64::MIN_POSITIVE);
         if reached <= wanted {
             decimated.rms = reached;

@@ -101,6 +101,7 @@ pub(super) fn run(arguments: &Arguments, output: &Output) -> anyhow::Result<Verd
             },
         },
         viewer: arguments.looks.viewer_options(),
+        threads: rayon::current_num_threads(),
     };
     // Once more here, for a message about the file before one about the graphics adapter.
     let opened = open::open(file)?;

@@ -12,6 +12,7 @@ pub mod render;
 pub mod source;
 mod target;
 pub mod window;
+mod writer;
 
 pub use decoders::Decoders;
 pub use error::NativeError;

@@ -1,6 +1,7 @@
 //! `marquetry render`: settled frames to PNG files, with a report of what they took.
 
 use crate::path::{self, CameraPath};
+use crate::writer::writing;
 use crate::{Headless, NativeError, Picture, Session};
 use marquetry_engine::camera::STANDARD_DISTANCE;
 use marquetry_engine::{Camera, Stats, ViewerOptions, Viewport};
@@ -43,6 +44,8 @@ pub struct RenderOptions {
     pub eye: Eye,
     /// How.
     pub viewer: ViewerOptions,
+    /// Threads that encode pictures while others are drawn, at least 1.
+    pub threads: usize,
 }
 
 impl Default for RenderOptions {
@@ -51,6 +54,7 @@ impl Default for RenderOptions {
             size: Viewport::new(1280, 720),
             eye: Eye::default(),
             viewer: ViewerOptions::default(),
+            threads: 1,
         }
     }
 }
@@ -144,19 +148,26 @@ pub fn render_png(
     let CameraPath { cameras, fps } =
         cameras_of(&options.eye, &session.viewer().document().metadata)?;
     let mut times = Times::default();
-    for (index, camera) in cameras.iter().enumerate() {
-        let picture = match fps.filter(|_| index > 0) {
-            None => settled_frame(&mut session, *camera, options.size, &mut times)?,
-            Some(fps) => moving_frame(&mut session, *camera, options.size, 1.0 / fps, &mut times)?,
-        };
-        let path = if cameras.len() == 1 {
-            output.to_owned()
-        } else {
-            numbered(output, index)
-        };
-        picture.write_png(&path)?;
-        progress(index + 1, cameras.len());
-    }
+    writing(options.threads, |writer| {
+        for (index, camera) in cameras.iter().enumerate() {
+            let picture = match fps.filter(|_| index > 0) {
+                None => settled_frame(&mut session, *camera, options.size, &mut times)?,
+                Some(fps) => {
+                    moving_frame(&mut session, *camera, options.size, 1.0 / fps, &mut times)?
+                }
+            };
+            let path = if cameras.len() == 1 {
+                output.to_owned()
+            } else {
+                numbered(output, index)
+            };
+            if !writer.write(path, picture) {
+                break;
+            }
+            progress(index + 1, cameras.len());
+        }
+        Ok(())
+    })?;
     Ok(times.report(&session.viewer().stats(), headless.adapter()))
 }
 

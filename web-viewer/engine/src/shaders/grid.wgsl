@@ -82,8 +82,10 @@ fn surface_fragment(in: FromVertex, @builtin(front_facing) is_front: bool) -> @l
     if is_cut_away(in.clip.xy, in.to_eye) {
         discard;
     }
-    var albedo = linear_from_srgb(resolution_colour(in.resolution));
-    if frame.shade != SHADE_LOD {
+    var albedo: vec3<f32>;
+    if frame.shade == SHADE_LOD {
+        albedo = linear_from_srgb(resolution_colour(in.resolution));
+    } else {
         albedo = tile_colour(in.tiles, in.uv, along_x, along_y, in.albedo);
     }
     return shaded(albedo, in.normal, in.to_eye, is_front);

@@ -72,7 +72,7 @@ impl Conversion<'_> {
             let is_torn = decimate::is_torn(&welded);
             without_charts = without_charts || is_torn;
             let most = self.options.decimate_above;
-            if without_charts && welded.triangles.len() <= decimate::MOST_KEPT {
+            if without_charts && self.may_keep(&welded) {
                 return self.built_of((&welded, is_torn), &account, textures, AIM);
             } else if without_charts {
                 self.begin("decimate")?;
@@ -123,6 +123,13 @@ impl Conversion<'_> {
             }
             aim *= STEP / over;
         }
+    }
+
+    /// Whether there is room for a mesh beside what is made of it.
+    fn may_keep(&self, mesh: &WeldedMesh) -> bool {
+        let triangles = mesh.triangles.len();
+        let fits = memory::of_kept(triangles as u64) <= self.options.memory_bytes;
+        triangles <= self.options.keep_up_to && fits
     }
 
     /// RMS distance that decimation may take, a length, where `aim` is the part of the target for it and for rounding to the lattice.
@@ -231,6 +238,57 @@ mod tests {
                 .extend([[a, a + 1, a + side + 1], [a, a + side + 1, a + side]]);
         }
         mesh
+    }
+
+    #[test]
+    fn what_is_not_kept_is_measured_all_the_same() {
+        let kept = Options {
+            error_rel: 2e-4,
+            charts: Charts::Never,
+            ..Options::default()
+        };
+        let lean = Options {
+            memory_bytes: memory::of_kept(2 * 150 * 150) - 1,
+            ..kept.clone()
+        };
+        let few = Options {
+            keep_up_to: 2 * 150 * 150 - 1,
+            ..kept.clone()
+        };
+        for (options, is_kept) in [(kept, true), (lean, false), (few, false)] {
+            let mut conversion = Conversion {
+                input: Path::new("waves"),
+                output: Path::new("waves.marq"),
+                options: &options,
+                stages: Stages::new(&Quiet),
+                threads: 1,
+            };
+            let mut imported = waves(150);
+            let source = imported.clone();
+            let textures = Textures::take(&mut imported, 1 << 30).unwrap();
+            let (welded, _) = mesh::weld(imported.clone()).unwrap();
+            assert_eq!(conversion.may_keep(&welded), is_kept);
+            let built = conversion.built(imported, &textures).unwrap();
+            assert!(built.account.decimated.triangles > 30_000);
+            let error = built.error;
+            assert!(error.rms_rel <= error.target_rel, "{error:?}");
+            assert!(error.rms_rel >= 0.75 * error.target_rel, "{error:?}");
+            assert!(error.max_rel >= error.hausdorff_rel);
+            // What is said is so: the finest surface against the source itself.
+            let layer = built.clusters.unwrap();
+            let (mut positions, mut triangles) = (Vec::new(), Vec::new());
+            let lattice = &built.frame.lattice;
+            cluster::append_finest(&layer.nodes, lattice, &mut positions, &mut triangles);
+            let of = |positions, triangles| distance::Mesh {
+                positions,
+                triangles,
+            };
+            let source = of(&source.positions, &source.triangles);
+            let found = distance::measure(of(&positions, &triangles), source, 50_000).unwrap();
+            let diagonal = built.frame.diagonal;
+            assert!(found.rms() <= 1.03 * error.rms_rel * diagonal, "{found:?}");
+            assert!(found.hausdorff() <= error.max_rel * diagonal);
+        }
     }
 
     #[test]

@@ -352,8 +352,7 @@ fn height_at([a, b, c]: [DVec3; 3], point: DVec2) -> Option<f64> {
     let (s, t) = (sign * from_a.perp_dot(ac), sign * ab.perp_dot(from_a));
     let hair = HAIR * doubled.abs();
     // Divisions take long, and nearly all points are outside.
-    let is_inside =
-        (s >= -hair) & (t >= -hair) & (s + t <= doubled.abs() + hair) & (doubled != 0.0);
+    let is_inside = s >= -hair && t >= -hair && s + t <= doubled.abs() + hair && doubled != 0.0;
     is_inside.then(|| a.z + (s * (b.z - a.z) + t * (c.z - a.z)) / doubled.abs())
 }
 
@@ -366,7 +365,7 @@ fn crossing([a, b]: [DVec3; 2], [c, d]: [DVec3; 2]) -> Option<[f64; 2]> {
     let sign = cross.signum();
     let (s, t) = (sign * ac.perp_dot(cd), sign * ac.perp_dot(ab));
     let length = cross.abs();
-    let is_crossed = (s >= 0.0) & (s <= length) & (t >= 0.0) & (t <= length) & (length > 0.0);
+    let is_crossed = length > 0.0 && (0.0..=length).contains(&s) && (0.0..=length).contains(&t);
     is_crossed.then(|| {
         [
             a.z + s / length * (b.z - a.z),

@@ -240,6 +240,16 @@ mod tests {
         mesh
     }
 
+    fn conversion(options: &Options) -> Conversion<'_> {
+        Conversion {
+            input: Path::new("waves"),
+            output: Path::new("waves.marq"),
+            options,
+            stages: Stages::new(&Quiet),
+            threads: 1,
+        }
+    }
+
     #[test]
     fn what_is_not_kept_is_measured_all_the_same() {
         let kept = Options {
@@ -256,13 +266,7 @@ mod tests {
             ..kept.clone()
         };
         for (options, is_kept) in [(kept, true), (lean, false), (few, false)] {
-            let mut conversion = Conversion {
-                input: Path::new("waves"),
-                output: Path::new("waves.marq"),
-                options: &options,
-                stages: Stages::new(&Quiet),
-                threads: 1,
-            };
+            let mut conversion = conversion(&options);
             let mut imported = waves(150);
             let source = imported.clone();
             let textures = Textures::take(&mut imported, 1 << 30).unwrap();
@@ -306,13 +310,7 @@ mod tests {
         let textures = Textures::take(&mut imported, 1 << 30).unwrap();
         let (welded, account) = mesh::weld(imported).unwrap();
         for (aim, again) in [(AIM, false), (2.0, true)] {
-            let mut conversion = Conversion {
-                input: Path::new("waves"),
-                output: Path::new("waves.marq"),
-                options: &options,
-                stages: Stages::new(&Quiet),
-                threads: 1,
-            };
+            let mut conversion = conversion(&options);
             let built = conversion
                 .built_of((&welded, false), &account, &textures, aim)
                 .unwrap();

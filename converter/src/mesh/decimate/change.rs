@@ -26,7 +26,7 @@ const HAIR: f64 = 1e-9;
 pub(super) struct Change {
     pub(super) of_kept: Vec<u32>,
     pub(super) of_gone: Vec<u32>,
-    /// Vertices around what is put in; without `kept` where that is held.
+    /// Vertices around what is put in.
     pub(super) ring: Vec<u32>,
     /// Where the vertex that is left goes.
     pub(super) place: DVec3,

@@ -1,7 +1,7 @@
 //! Triangle meshes between import and segmentation.
 //!
 //! [`prepare`] is the whole way: [`mod@weld`] finds the vertices, [`mod@decimate`] takes away triangles that a huge mesh has to
-//! spare, `t_junction` joins edges that meet along their length, [`duplicates`] finds what is there twice, [`mod@manifold`]
+//! spare ([`mod@refit`] moves what is left to where it is nearest), `t_junction` joins edges that meet along their length, [`duplicates`] finds what is there twice, [`mod@manifold`]
 //! the oriented surface, and [`account`] keeps the books.
 
 pub mod account;
@@ -15,6 +15,7 @@ pub mod fingers;
 pub mod handles;
 pub mod manifold;
 mod normals;
+pub mod refit;
 mod simplicial;
 mod t_junction;
 pub mod weld;

@@ -32,8 +32,8 @@ struct Node {
     shape: Shape,
 }
 
-/// The graph of a component whose leaves are `pieces`, of which there is at least one; the last node stands for all of it.
-pub(super) fn graph(pieces: Vec<Piece>, colours: bool, room: Room) -> Graph {
+/// The graph of a component whose leaves are `pieces`, of which there is at least one, with vertices at multiples of `unit`; the last node stands for all of it.
+pub(super) fn graph(pieces: Vec<Piece>, unit: u32, colours: bool, room: Room) -> Graph {
     let mut graph = Graph::default();
     let mut front: Vec<Node> = pieces
         .into_iter()
@@ -50,7 +50,7 @@ pub(super) fn graph(pieces: Vec<Piece>, colours: bool, room: Room) -> Graph {
         let coarser: Vec<Option<Coarser>> = groups
             .members
             .par_iter()
-            .map(|members| coarser(&front, members, &groups, room))
+            .map(|members| coarser(&front, members, &groups, unit, room))
             .collect();
         if coarser.iter().all(Option::is_none) {
             break;
@@ -137,7 +137,13 @@ struct Coarser {
 }
 
 /// What is to stand for the group of `members`; `None` where that is hardly less.
-fn coarser(front: &[Node], members: &[usize], groups: &Groups, room: Room) -> Option<Coarser> {
+fn coarser(
+    front: &[Node],
+    members: &[usize],
+    groups: &Groups,
+    unit: u32,
+    room: Room,
+) -> Option<Coarser> {
     if members.len() < 2 {
         return None;
     }
@@ -155,7 +161,7 @@ fn coarser(front: &[Node], members: &[usize], groups: &Groups, room: Room) -> Op
         });
     }
     let target = (FULL * members.len().div_ceil(REDUCTION)).min(whole.triangles.len() / 2);
-    let (shape, distance) = simplified_within(&whole, |place| groups.is_held(place), target)?;
+    let (shape, distance) = simplified_within(&whole, |place| groups.is_held(place), target, unit)?;
     let parts = shape.split(FULL, room);
     (3 * parts.len() <= 2 * members.len()).then_some(Coarser { parts, distance })
 }

@@ -252,7 +252,8 @@ impl<'a> Component<'a> {
             }
         }
         let pieces = self.pieces(&mut self.triangles.to_vec());
-        Placed::Graph(group::graph(pieces, colours, room))
+        let unit = 1 << self.source.lattice.shift;
+        Placed::Graph(group::graph(pieces, unit, colours, room))
     }
 
     /// Divides `triangles` across their longest extent until the parts fit clusters.

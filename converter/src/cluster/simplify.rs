@@ -4,21 +4,31 @@
 //! whole parts as it goes (Garland & Heckbert, "Surface Simplification Using Quadric Error Metrics", 1997; meshoptimizer),
 //! vertex clustering (Rossignac & Borrel, "Multi-resolution 3D approximations for rendering complex scenes", 1993;
 //! meshoptimizer's sloppy simplification), and leaving out all but the largest triangles.
-//! Vertices keep their positions, so all stay on the lattice. Where some of them are to stay, only the collapse will do.
+//! Vertices keep their positions, so all stay on the lattice. Where some of them are to stay, only the collapse will do; the others are
+//! fitted afterwards to what they stand for ([`mod@crate::mesh::refit`]), up to the lattice.
 
 use super::Room;
-use super::bound::{distance, hausdorff};
+use super::bound::{self, hausdorff};
 use super::graph::Distance;
-use super::shape::Shape;
+use super::shape::{Shape, point};
+use crate::mesh::WeldedMesh;
+use crate::mesh::adjacency::id;
+use crate::mesh::refit::refit;
+use glam::DVec3;
+use marquetry_evaluation::distance::{self, Mesh};
 use marquetry_format::LatticePoint;
 use marquetry_format::cluster::MAX_CLUSTER_TRIANGLES;
 use meshopt::{
     SimplifyOptions, VertexDataAdapter, simplify, simplify_sloppy, simplify_with_locks,
     typed_to_bytes,
 };
+use std::collections::HashMap;
 
 /// Triangles asked for (all, where there are fewer), until few enough vertices are left as well.
 const TARGETS: [usize; 6] = [MAX_CLUSTER_TRIANGLES, 192, 128, 96, 64, 32];
+
+/// Points that what stands for a group is fitted to, by its triangles.
+const FITTED_TO: usize = 16;
 
 /// A mesh that fits a cluster in place of `shape`, and the bound of the distance between them, lattice units.
 pub fn simplified(shape: &Shape, room: Room) -> (Shape, f64) {
@@ -49,29 +59,88 @@ pub fn simplified(shape: &Shape, room: Room) -> (Shape, f64) {
     best.unwrap_or_else(|| (largest(shape, 1), f64::INFINITY))
 }
 
-/// A mesh of about `target` triangles in place of `shape`, with every vertex whose place `is_held`, and the distance between them; `None`
+/// A mesh of about `target` triangles in place of `shape`, with every vertex whose place `is_held` and the others at multiples of `unit`, and the distance between them; `None`
 /// where nothing is left.
 pub(super) fn simplified_within(
     shape: &Shape,
     is_held: impl Fn(&LatticePoint) -> bool,
     target: usize,
+    unit: u32,
 ) -> Option<(Shape, Distance)> {
-    let held: Vec<bool> = shape.vertices.iter().map(|v| is_held(&v.0)).collect();
-    let options = SimplifyOptions::Permissive | SimplifyOptions::ErrorAbsolute;
-    let coarser = run(shape, |indices, vertices| {
-        let count = (3 * target).min(indices.len());
-        simplify_with_locks(indices, vertices, &held, count, f32::MAX, options, None)
-    });
+    let coarser = fitted(
+        &collapse_within(shape, &is_held, target),
+        shape,
+        is_held,
+        unit,
+    );
     if coarser.triangles.is_empty() {
         return None;
     }
     let (own, positions) = (coarser.positions(), shape.positions());
-    let distance = distance(
+    let distance = bound::distance(
         (&own, &coarser.triangles),
         (&positions, &shape.triangles),
         f64::INFINITY,
     );
     Some((coarser, distance))
+}
+
+/// `coarser` with vertices moved to where it is nearest to `shape`, all at one place together; those whose place `is_held` stay,
+/// the others get to multiples of `unit`.
+fn fitted(
+    coarser: &Shape,
+    shape: &Shape,
+    is_held: impl Fn(&LatticePoint) -> bool,
+    unit: u32,
+) -> Shape {
+    let mut numbers: HashMap<LatticePoint, u32> = HashMap::new();
+    let mut places: Vec<LatticePoint> = Vec::new();
+    let number_of: Vec<u32> = (coarser.vertices.iter())
+        .map(|vertex| {
+            *numbers.entry(vertex.0).or_insert_with(|| {
+                places.push(vertex.0);
+                id(places.len() - 1)
+            })
+        })
+        .collect();
+    let corners = |t: &[u32; 3]| t.map(|v| number_of[v as usize]);
+    let mut mesh = WeldedMesh {
+        positions: places.iter().map(|&place| point(place)).collect(),
+        colours: Vec::new(),
+        triangles: coarser.triangles.iter().map(corners).collect(),
+    };
+    let positions = shape.positions();
+    let source = Mesh {
+        positions: &positions,
+        triangles: &shape.triangles,
+    };
+    let count = FITTED_TO * mesh.triangles.len();
+    if let Ok(points) = distance::samples(source, count as u64) {
+        refit(&mut mesh, &points, |v| is_held(&places[v as usize]));
+    }
+    let (low, high) = positions
+        .iter()
+        .fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(low, high), &p| {
+            (low.min(p), high.max(p))
+        });
+    #[expect(
+        clippy::cast_possible_truncation,
+        clippy::cast_sign_loss,
+        reason = "clamped to what the lattice has"
+    )]
+    let rounded = |p: DVec3| {
+        let steps = p.clamp(low, high) / f64::from(unit);
+        steps.round().to_array().map(|c| c as u32 * unit)
+    };
+    let moved: Vec<LatticePoint> = mesh.positions.iter().map(|&p| rounded(p)).collect();
+    let mut fitted = Shape::default();
+    for t in &coarser.triangles {
+        fitted.triangle(t.map(|v| {
+            let (_, normal, colour) = coarser.vertices[v as usize];
+            (moved[number_of[v as usize] as usize], normal, colour)
+        }));
+    }
+    fitted
 }
 
 /// Runs one of meshoptimizer's simplifiers on `shape`, moved to the origin so that `f32` is exact.
@@ -106,6 +175,15 @@ fn collapse(shape: &Shape, target: usize) -> Shape {
     })
 }
 
+fn collapse_within(shape: &Shape, is_held: impl Fn(&LatticePoint) -> bool, target: usize) -> Shape {
+    let held: Vec<bool> = shape.vertices.iter().map(|v| is_held(&v.0)).collect();
+    let options = SimplifyOptions::Permissive | SimplifyOptions::ErrorAbsolute;
+    run(shape, |indices, vertices| {
+        let count = (3 * target).min(indices.len());
+        simplify_with_locks(indices, vertices, &held, count, f32::MAX, options, None)
+    })
+}
+
 fn merge_cells(shape: &Shape, target: usize) -> Shape {
     run(shape, |indices, vertices| {
         let count = (3 * target).min(indices.len());
@@ -130,4 +208,77 @@ fn largest(shape: &Shape, target: usize) -> Shape {
     order.sort_unstable_by_key(|&(t, _)| t);
     let triangles: Vec<[u32; 3]> = order.iter().map(|&(t, _)| shape.triangles[t]).collect();
     shape.part(&triangles)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const CELLS: u32 = 40;
+    const UNIT: u32 = 8;
+
+    /// A bowl; vertices on the middle line are there twice, with two normals.
+    fn bowl() -> Shape {
+        let vertex = |x: u32, y: u32, side: u8| {
+            let from_middle = |c: u32| (f64::from(c) / f64::from(CELLS) - 0.5).powi(2);
+            #[expect(
+                clippy::cast_possible_truncation,
+                clippy::cast_sign_loss,
+                reason = "0..=500"
+            )]
+            let height = (1000.0 * (from_middle(x) + from_middle(y))) as u32;
+            (
+                [100 * UNIT * x, 100 * UNIT * y, UNIT * height],
+                [side, 0],
+                [0; 3],
+            )
+        };
+        let mut shape = Shape::default();
+        for k in 0..CELLS.pow(2) {
+            let (x, y) = (k % CELLS, k / CELLS);
+            let at = |dx: u32, dy: u32| vertex(x + dx, y + dy, u8::from(2 * x >= CELLS));
+            shape.triangle([at(0, 0), at(1, 0), at(1, 1)]);
+            shape.triangle([at(0, 0), at(1, 1), at(0, 1)]);
+        }
+        shape
+    }
+
+    fn is_rim(p: &LatticePoint) -> bool {
+        p[..2].iter().any(|&c| c == 0 || c == 100 * UNIT * CELLS)
+    }
+
+    #[test]
+    fn what_stands_for_others_is_fitted_on_the_lattice_and_what_is_held_stays() {
+        let bowl = bowl();
+        let plain = collapse_within(&bowl, is_rim, 300);
+        let (own, positions) = (plain.positions(), bowl.positions());
+        let before = bound::distance(
+            (&own, &plain.triangles),
+            (&positions, &bowl.triangles),
+            f64::INFINITY,
+        );
+        let (fitted, distance) = simplified_within(&bowl, is_rim, 300, UNIT).unwrap();
+        assert!(fitted.triangles.len() <= plain.triangles.len());
+        assert!(
+            distance.squares < 0.5 * before.squares,
+            "{distance:?} {before:?}"
+        );
+        let places: Vec<LatticePoint> = fitted.vertices.iter().map(|v| v.0).collect();
+        assert!(places.as_flattened().iter().all(|c| c % UNIT == 0));
+        let rim = |shape: &Shape| -> std::collections::BTreeSet<LatticePoint> {
+            shape.vertices.iter().map(|v| v.0).filter(is_rim).collect()
+        };
+        assert_eq!(rim(&fitted), rim(&bowl));
+        // Nothing comes apart between the two sides.
+        let mut ends: HashMap<[LatticePoint; 2], i32> = HashMap::new();
+        for t in &fitted.triangles {
+            let [a, b, c] = t.map(|v| fitted.vertices[v as usize].0);
+            for (a, b) in [(a, b), (b, c), (c, a)] {
+                *ends.entry([a.min(b), a.max(b)]).or_default() += 1;
+            }
+        }
+        let open = ends.iter().filter(|(_, count)| **count == 1);
+        assert_eq!(open.clone().count(), 4 * CELLS as usize);
+        assert!(open.flat_map(|(ends, _)| ends).all(is_rim));
+    }
 }

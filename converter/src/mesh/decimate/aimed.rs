@@ -2,8 +2,10 @@
 //!
 //! How far collapses move a surface depends on what it is like: smooth, noisy, or full of creases. So the first pass stays well below what is wanted,
 //! what it did is measured against the source, and the next ones are given what is left. One that goes too far is taken back.
+//! What comes near what is wanted is fitted to the source ([`mod@crate::mesh::refit`]) before it is measured, which leaves room for more.
 
 use super::{Decimated, Limits, Pass, area, moved};
+use crate::mesh::refit::refit;
 use crate::mesh::{WeldedMesh, weld};
 use glam::DVec3;
 use marquetry_evaluation::distance::{self, Indexed, MeshError};
@@ -16,6 +18,11 @@ const SAMPLES: u64 = 60_000;
 /// A measurement of one in so many of the samples does where it shows a part of what is wanted outside of these.
 const FEW: usize = 4;
 const NEAR: std::ops::Range<f64> = 0.8..1.3;
+/// What shows less than this part of what is wanted has a long way to go, and is not fitted.
+const FITTED: f64 = 0.6;
+/// Points that a mesh is fitted to, by its triangles; at most, of all of it.
+const FITTED_TO: usize = 8;
+const MOST_FITTED_TO: usize = 4_000_000;
 /// Passes, at most, those taken back among them.
 const PASSES: u32 = 6;
 /// Limit of the first pass, over the RMS distance wanted.
@@ -41,7 +48,8 @@ const FEWEST: usize = 30;
 
 /// What is left of a mesh without colours when as many triangles are gone as an RMS distance of `wanted`, a length, from it allows.
 ///
-/// An owned mesh is freed after the first pass. The same for any number of threads.
+/// An owned mesh is freed after the first pass; what is made of it is not fitted, and neither is what is torn: what is nearest there is often another
+/// sheet. The same for any number of threads.
 pub fn aimed(source: Cow<'_, WeldedMesh>, wanted: f64, is_torn: bool) -> (WeldedMesh, Decimated) {
     let bound = if is_torn { BOUND_TORN } else { BOUND };
     let mut decimated = Decimated::default();
@@ -49,6 +57,10 @@ pub fn aimed(source: Cow<'_, WeldedMesh>, wanted: f64, is_torn: bool) -> (Welded
     // What is welded has indices in range and finite places; anything else stays as it is.
     let Ok(samples) = Samples::of(&source) else {
         return (source.into_owned(), decimated);
+    };
+    let kept = match &source {
+        Cow::Borrowed(source) if !is_torn => Some(*source),
+        _ => None,
     };
     let mut mesh = source;
     let mut limit = FIRST * wanted;
@@ -70,13 +82,29 @@ pub fn aimed(source: Cow<'_, WeldedMesh>, wanted: f64, is_torn: bool) -> (Welded
         };
         moved(&mut after.positions, &pass.moved);
         weld::drop_unused(&mut after.positions, &mut after.triangles);
-        let reached = samples.rms(&after, wanted);
+        let mut reached = samples.rms(&after, wanted);
+        let (apart, mut farthest) = (reached / wanted, 0.0);
+        if let Some(source) = kept.filter(|_| apart >= FITTED) {
+            let count = (FITTED_TO * after.triangles.len()).min(MOST_FITTED_TO);
+            if let Ok(points) = distance::samples(source.surface(), count as u64) {
+                farthest = refit(&mut after, &points, |_| false);
+                reached = samples.rms(&after, wanted);
+            }
+        }
         let (left, part) = (after.triangles.len(), reached / wanted);
-        tracing::debug!(number, limit = limit / wanted, count, left, part, "pass");
+        tracing::debug!(
+            number,
+            limit = limit / wanted,
+            count,
+            left,
+            apart,
+            part,
+            "pass"
+        );
         let further = AIM * wanted / reached.max(f64::MIN_POSITIVE);
         if reached <= wanted {
             decimated.rms = reached;
-            decimated.bound += pass.bound;
+            decimated.bound += pass.bound + farthest;
             mesh = Cow::Owned(after);
             if is_last && number > 0 || reached >= ENOUGH * wanted {
                 break;

@@ -73,7 +73,7 @@ pub(crate) fn run(project: &Project) -> ExitCode {
     steps.finish()
 }
 
-/// Builds the workspace for this machine: those `targets` of it.
+/// Builds the workspace for this machine, but for xtask: those `targets` of it.
 ///
 /// # Errors
 /// When cargo fails.
@@ -81,10 +81,14 @@ pub(crate) fn build_native(project: &Project, targets: &[&str]) -> Result<()> {
     let mut build = process::cargo(&project.root);
     process::run(
         build
-            .args(["build", "--release", "--workspace"])
+            .args(["build", "--release"])
+            .args(PRODUCT)
             .args(targets),
     )
 }
+
+/// All but xtask: what it alone asks of its dependencies would have these, which it is made of already, built a second time.
+const PRODUCT: [&str; 3] = ["--workspace", "--exclude", "xtask"];
 
 fn passed((): ()) -> Outcome {
     Outcome::Passed
@@ -132,12 +136,16 @@ fn clippy_wasm(project: &Project) -> Result<Outcome> {
 }
 
 fn tests(project: &Project) -> Result<Outcome> {
-    process::run(
-        process::cargo(&project.root)
-            .args(["test", "--release", "--workspace", "--no-fail-fast"])
-            .env("MARQUETRY_BINARY", project.binary()),
-    )
-    .map(passed)
+    let test = |packages: &[&str]| {
+        process::run(
+            process::cargo(&project.root)
+                .args(["test", "--release", "--no-fail-fast"])
+                .args(packages)
+                .env("MARQUETRY_BINARY", project.binary()),
+        )
+    };
+    let product = test(&PRODUCT);
+    test(&["--package", "xtask"]).and(product).map(passed)
 }
 
 fn documentation(project: &Project) -> Result<Outcome> {

@@ -3,16 +3,12 @@
 //! Each gets the right status or the end of the connection, tells nothing of the server's insides, and disturbs
 //! nobody else.
 
-#![allow(clippy::unwrap_used, reason = "helpers of tests")]
-
-mod support;
-
+use crate::support::{Running, marq};
 use marquetry_server::Config;
 use std::io::{Read, Write};
 use std::net::TcpStream;
 use std::path::Path;
 use std::time::{Duration, Instant};
-use support::{Running, marq};
 
 fn config(folder: &Path) -> Config {
     Config::new("127.0.0.1:0", vec![folder.to_owned()])

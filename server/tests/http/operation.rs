@@ -1,9 +1,6 @@
 //! What an operator relies on: tokens, limits, TLS and HTTP/2, health, metrics, an orderly end.
 
-#![allow(clippy::unwrap_used, reason = "helpers of tests")]
-
-mod support;
-
+use crate::support::{Answer, Running, exchange, marq};
 use hyper::body::{Body, Bytes};
 use hyper_util::rt::{TokioExecutor, TokioIo};
 use marquetry_server::config::{Auth, Tls};
@@ -16,7 +13,6 @@ use std::path::Path;
 use std::pin::Pin;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
-use support::{Running, marq};
 use tokio::io::{AsyncRead, AsyncWrite};
 use tokio::net::TcpStream;
 
@@ -135,7 +131,7 @@ fn every_request_has_an_id() {
     let (_folder, config) = served();
     let server = Running::start(config);
     let (first, second) = (server.get("/health"), server.get("/files/nothing"));
-    let id = |answer: &support::Answer| answer.header("x-request-id").unwrap().to_owned();
+    let id = |answer: &Answer| answer.header("x-request-id").unwrap().to_owned();
     assert_ne!(id(&first), id(&second));
     let given = |value| id(&server.send("GET", "/health", &[("X-Request-Id", value)]));
     assert_eq!(given("abc-123.x_y"), "abc-123.x_y");
@@ -167,7 +163,7 @@ fn metrics_count_and_move_to_the_admin_address() {
     let admin = server.admin.unwrap();
     let ask = |path: &str| {
         let request = format!("GET {path} HTTP/1.1\r\nHost: x\r\nConnection: close\r\n\r\n");
-        support::exchange(admin, request.as_bytes()).status
+        exchange(admin, request.as_bytes()).status
     };
     assert_eq!(ask("/metrics"), 200);
     assert_eq!(ask("/health/ready"), 200);
@@ -187,9 +183,9 @@ fn a_server_about_to_stop_says_so_and_finishes_what_it_began() {
     let asking = std::thread::spawn(move || {
         std::thread::sleep(Duration::from_millis(200));
         let request = b"GET /health/ready HTTP/1.1\r\nHost: x\r\nConnection: close\r\n\r\n";
-        let ready = support::exchange(address, request);
+        let ready = exchange(address, request);
         let live = b"GET /health/live HTTP/1.1\r\nHost: x\r\nConnection: close\r\n\r\n";
-        let live = support::exchange(address, live);
+        let live = exchange(address, live);
         slow.write_all(b"Connection: close\r\n\r\n").unwrap();
         let mut all = Vec::new();
         slow.read_to_end(&mut all).unwrap();

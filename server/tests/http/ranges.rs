@@ -1,14 +1,10 @@
 //! Byte ranges and conditions of `/files`, against RFC 9110, on a real socket, from every kind of source.
 
-#![allow(clippy::unwrap_used, reason = "helpers of tests")]
-
-mod support;
-
+use crate::support::s3::{Ignored, S3};
+use crate::support::{Answer, Running, marq};
 use marquetry_server::Config;
 use std::ops::Range;
 use std::time::{Duration, SystemTime};
-use support::s3::{Ignored, S3};
-use support::{Answer, Running, marq};
 
 /// A server of the file `a`, wherever it comes from.
 struct Fixture {

@@ -1,16 +1,12 @@
 //! Everything but byte ranges: pages, catalogue, viewer, headers, names, deadlines, the end.
 
-#![allow(clippy::unwrap_used, reason = "helpers of tests")]
-
-mod support;
-
+use crate::support::{Running, marq, textured_marq};
 use marquetry_format::source::SliceSource;
 use marquetry_format::{ColourIndex, Document, Limits, PageId, TileId};
 use marquetry_server::{Config, Server, ServerError};
 use std::io::{Read, Write};
 use std::path::Path;
 use std::time::{Duration, Instant};
-use support::{Running, marq};
 
 fn serve(folder: &Path) -> Running {
     Running::start(Config::new("127.0.0.1:0", vec![folder.to_owned()]))
@@ -64,7 +60,7 @@ fn pages_are_the_bytes_of_the_file_and_immutable() {
 #[test]
 fn colour_tiles_are_pages_after_the_last() {
     let folder = tempfile::tempdir().unwrap();
-    let bytes = support::textured_marq(0);
+    let bytes = textured_marq(0);
     std::fs::write(folder.path().join("a.marq"), &bytes).unwrap();
     let server = serve(folder.path());
     let document = Document::open(&bytes, Limits::default()).unwrap();

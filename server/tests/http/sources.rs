@@ -1,9 +1,7 @@
 //! Files that come, change and go, on disk and in a real object store; sources that fail.
 
-#![allow(clippy::unwrap_used, reason = "helpers of tests")]
-
-mod support;
-
+use crate::support::s3::S3;
+use crate::support::{Running, marq};
 use marquetry_server::Config;
 use std::io::{BufRead, BufReader, Read, Write};
 use std::net::{SocketAddr, TcpListener, TcpStream};
@@ -11,8 +9,6 @@ use std::path::Path;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering::Relaxed};
 use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};
-use support::s3::S3;
-use support::{Running, marq};
 
 fn names(server: &Running) -> Vec<String> {
     let json: serde_json::Value =

@@ -1,8 +1,5 @@
 //! A small `.marq` file, a running server, and an HTTP client that hides nothing.
 
-#![allow(dead_code, reason = "each test file uses a part of it")]
-#![allow(clippy::unwrap_used, reason = "all of this is part of tests")]
-
 pub(crate) mod s3;
 
 use marquetry_format::writer::{
@@ -26,7 +23,7 @@ pub(crate) fn marq(seed: u32) -> Vec<u8> {
 
 /// The same with three colour tiles.
 pub(crate) fn textured_marq(seed: u32) -> Vec<u8> {
-    let frame = include_bytes!("../../../format/tests/data/tile_12x12.vp8");
+    let frame = include_bytes!("../../../../format/tests/data/tile_12x12.vp8");
     let tile = |children| TileInput {
         bytes: frame.to_vec(),
         children,

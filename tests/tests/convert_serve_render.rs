@@ -296,7 +296,7 @@ fn assert_cuts_are_watertight(folder: &Path, input: &Path, converted: &Converted
     let source = ply::read(input).unwrap();
     let diagonal = source.mesh().diagonal();
     let mut last = f64::INFINITY;
-    for triangles in [Some(600), Some(10_000), None] {
+    for triangles in [Some(600), Some(4_000), None] {
         let out = folder.join("cut.ply");
         let mut export = arguments!["export", &converted.path, "-o", &out];
         let mut measurement = arguments![

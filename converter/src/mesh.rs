@@ -38,6 +38,15 @@ pub fn is_place(position: DVec3) -> bool {
     position.is_finite() && position.abs().max_element() <= FARTHEST
 }
 
+/// Least and greatest coordinates; infinite, and the wrong way round, without positions.
+pub fn bounds(positions: &[DVec3]) -> (DVec3, DVec3) {
+    positions
+        .iter()
+        .fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(min, max), &p| {
+            (min.min(p), max.max(p))
+        })
+}
+
 /// A mesh as an importer read it: polygons triangulated, nothing welded, nothing dropped yet.
 #[derive(Debug, Clone, Default)]
 pub struct ImportedMesh {

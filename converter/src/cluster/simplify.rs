@@ -11,9 +11,9 @@ use super::Room;
 use super::bound::{self, hausdorff};
 use super::graph::Distance;
 use super::shape::{Shape, point};
-use crate::mesh::WeldedMesh;
 use crate::mesh::adjacency::id;
 use crate::mesh::refit::refit;
+use crate::mesh::{WeldedMesh, bounds};
 use glam::DVec3;
 use marquetry_evaluation::distance::{self, Mesh};
 use marquetry_format::LatticePoint;
@@ -118,11 +118,7 @@ fn fitted(
     if let Ok(points) = distance::samples(source, count as u64) {
         refit(&mut mesh, &points, |v| is_held(&places[v as usize]));
     }
-    let (low, high) = positions
-        .iter()
-        .fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(low, high), &p| {
-            (low.min(p), high.max(p))
-        });
+    let (low, high) = bounds(&positions);
     #[expect(
         clippy::cast_possible_truncation,
         clippy::cast_sign_loss,

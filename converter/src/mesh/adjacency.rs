@@ -113,6 +113,14 @@ impl EdgeTable {
             .windows(2)
             .map(|w| &self.half_edges[w[0] as usize..w[1] as usize])
     }
+
+    /// Ends of the edges that have not exactly two triangles.
+    pub fn open<'a>(&'a self, triangles: &'a [[u32; 3]]) -> impl Iterator<Item = [u32; 2]> + 'a {
+        self.edges()
+            .filter(|of| of.len() != 2)
+            .filter_map(<[u32]>::first)
+            .map(|&h| [start(triangles, h), end(triangles, h)])
+    }
 }
 
 /// Cuts `entries` into some pieces at bucket ends, each with its part of `offsets`.

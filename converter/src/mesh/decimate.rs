@@ -22,8 +22,8 @@ mod tests;
 
 pub use aimed::{MOST_KEPT, aimed};
 
-use super::adjacency::{EdgeTable, UnionFind, end, id, start};
-use super::{NONE, WeldedMesh, weld};
+use super::adjacency::{EdgeTable, UnionFind, id};
+use super::{NONE, WeldedMesh, bounds, weld};
 use collapse::{Collapsed, Limits};
 use glam::DVec3;
 use rayon::prelude::*;
@@ -68,12 +68,7 @@ pub fn is_torn(mesh: &WeldedMesh) -> bool {
     let mut sets = UnionFind::new(mesh.positions.len());
     let mut is_open = vec![false; mesh.positions.len()];
     let edges = EdgeTable::new(triangles, mesh.positions.len());
-    for &h in edges
-        .edges()
-        .filter(|of| of.len() != 2)
-        .filter_map(<[u32]>::first)
-    {
-        let ends = [start(triangles, h), end(triangles, h)];
+    for ends in edges.open(triangles) {
         sets.union(ends[0], ends[1]);
         for v in ends {
             is_open[v as usize] = true;
@@ -215,12 +210,7 @@ fn moved(positions: &mut [DVec3], places: &[(u32, DVec3)]) {
 /// All triangles in the order of a Morton curve through their centres.
 fn along_curve(mesh: &WeldedMesh, origin: f64) -> Vec<u32> {
     const CELLS: f64 = 1024.0;
-    let (low, high) = mesh
-        .positions
-        .iter()
-        .fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(low, high), &p| {
-            (low.min(p), high.max(p))
-        });
+    let (low, high) = bounds(&mesh.positions);
     let extent = (high - low).max_element().max(f64::MIN_POSITIVE);
     let scale = CELLS / ((1.0 + origin) * extent);
     let mut keyed: Vec<u64> = mesh

@@ -8,7 +8,7 @@
 //! make bunny worse, from 25 on little is gained.
 
 use super::WeldedMesh;
-use super::adjacency::{EdgeTable, end, id, start};
+use super::adjacency::{EdgeTable, id};
 use glam::{DMat3, DVec3};
 use marquetry_evaluation::distance::Indexed;
 
@@ -217,14 +217,8 @@ fn barycentric([a, b, c]: [DVec3; 3], point: DVec3) -> Option<[f64; 3]> {
 fn inner(mesh: &WeldedMesh) -> Vec<bool> {
     let mut is_inner = vec![true; mesh.positions.len()];
     let edges = EdgeTable::new(&mesh.triangles, mesh.positions.len());
-    for &h in edges
-        .edges()
-        .filter(|of| of.len() != 2)
-        .filter_map(<[u32]>::first)
-    {
-        for v in [start(&mesh.triangles, h), end(&mesh.triangles, h)] {
-            is_inner[v as usize] = false;
-        }
+    for v in edges.open(&mesh.triangles).flatten() {
+        is_inner[v as usize] = false;
     }
     is_inner
 }

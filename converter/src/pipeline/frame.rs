@@ -2,8 +2,8 @@
 
 use crate::atlas::quantize;
 use crate::atlas::survey::MAX_OVER_TARGET;
-use crate::mesh::ManifoldMesh;
 use crate::mesh::decimate::Decimated;
+use crate::mesh::{ManifoldMesh, bounds};
 use glam::DVec3;
 use marquetry_format::Lattice;
 use std::collections::HashSet;
@@ -110,13 +110,4 @@ fn unit(lattice: &Lattice) -> f64 {
 /// normal, and what lies between half of that.
 pub(super) fn rounding(lattice: &Lattice) -> f64 {
     unit(lattice) / 24.0_f64.sqrt()
-}
-
-/// Least and greatest coordinates.
-pub(super) fn bounds(positions: &[DVec3]) -> (DVec3, DVec3) {
-    positions
-        .iter()
-        .fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(min, max), &p| {
-            (min.min(p), max.max(p))
-        })
 }

@@ -1,6 +1,6 @@
 //! From a file to the surface to convert: imported, welded, without triangles that there are too many of, and manifold.
 
-use super::frame::{self, Frame, bounds};
+use super::frame::{self, Frame};
 use super::measure::MEASURED_SAMPLES;
 use super::{Conversion, ConvertError};
 use crate::atlas::{build, quantize};
@@ -8,6 +8,7 @@ use crate::cluster;
 use crate::import::{self, ImportReport};
 use crate::memory;
 use crate::mesh::account::Account;
+use crate::mesh::bounds;
 use crate::mesh::decimate::{self, Decimated, Goal};
 use crate::mesh::{self, ImportedMesh, ManifoldMesh, WeldedMesh};
 use crate::report::{ErrorReport, LayoutReport};

@@ -10,7 +10,7 @@ use super::region::Region;
 use crate::atlas::patch::{Border, Patch};
 use crate::mesh::NONE;
 use crate::parameterize::{Edges, Flat, Weights};
-use glam::DVec2;
+use glam::{DVec2, DVec3};
 use std::collections::HashMap;
 use std::sync::Arc;
 
@@ -33,57 +33,122 @@ const WEIGHTS: Weights = Weights::Stretch(0, 8);
 /// A flattening that has shrunk a place by more than this (a length) gets its centre there.
 const TIP: f64 = 4.0;
 
-/// Where the centre is tried, in radii of the polygon, until the cut succeeds.
+/// Other centres are tried where the smallest patch of a region has less than this part of their mean area.
+const EVEN: f64 = 0.2;
+
+/// The first centres that are tried: a tip of a protrusion, if there is one, else the origin.
 ///
-/// A tip of a protrusion comes first: the spokes then run along the protrusion, and it is no longer inside of any quad.
-/// Where a protrusion shrinks to a speck of the polygon, rounding folds triangles over each other. That does no harm
-/// unless a spoke runs through the speck, and another centre sends the spokes elsewhere.
-fn centres(flat: &Flat) -> impl Iterator<Item = DVec2> {
+/// From a tip the spokes run along the protrusion, and it is no longer inside of any quad.
+fn first_centres(flat: &Flat) -> impl Iterator<Item = DVec2> {
     let tip = flat.tip.filter(|&(_, shrunk)| shrunk > TIP);
-    // Golden-angle spiral: no two directions alike.
-    let spiral = (0..16).map(|i| DVec2::from_angle(2.399_963 * f64::from(i)) * 0.02 * f64::from(i));
     tip.map(|(v, _)| flat.uv[v as usize])
         .into_iter()
-        .chain(spiral)
+        .chain([DVec2::ZERO])
+}
+
+/// Centres for patches that are more alike: at the vertex nearest to the middle of the surface, and on the way to it.
+///
+/// A region that ends at the neck of a handle has most of its sides there, and the flattening's middle, too.
+fn even_centres(region: &Region, flat: &Flat) -> impl Iterator<Item = DVec2> + use<> {
+    let (mut sum, mut total) = (DVec3::ZERO, 0.0);
+    for t in &region.triangles {
+        let [a, b, c] = t.map(|v| region.positions[v as usize]);
+        let area = (b - a).cross(c - a).length();
+        sum += (a + b + c) * (area / 3.0);
+        total += area;
+    }
+    let middle = sum / f64::max(total, f64::MIN_POSITIVE);
+    let distance = |v: &usize| region.positions[*v].distance_squared(middle);
+    let nearest = (0..flat.uv.len()).min_by(|a, b| distance(a).total_cmp(&distance(b)));
+    let nearest = nearest.map_or(DVec2::ZERO, |v| flat.uv[v]);
+    [1.0, 0.97, 0.9, 0.75, 0.5]
+        .into_iter()
+        .map(move |part| nearest * part)
+}
+
+/// Centres for where rounding has folded triangles over each other, as where a protrusion shrinks to a speck of the polygon.
+/// That does no harm unless a spoke runs through the speck, and another centre sends the spokes elsewhere.
+fn other_centres() -> impl Iterator<Item = DVec2> {
+    // Golden-angle spiral: no two directions alike.
+    (1..16).map(|i| DVec2::from_angle(2.399_963 * f64::from(i)) * 0.02 * f64::from(i))
+}
+
+/// Patches, the spokes between them, and the part of their mean area that the smallest has.
+type Cut = (Vec<Patch>, Vec<Border>, f64);
+
+/// A region that can be cut again and again.
+struct Retry {
+    region: Region,
+    vertices: usize,
+    triangles: Vec<[u32; 3]>,
+}
+
+impl Retry {
+    fn new(region: Region) -> Self {
+        Self {
+            vertices: region.positions.len(),
+            triangles: region.triangles.clone(),
+            region,
+        }
+    }
+
+    fn cut(&mut self, flat: &Flat, centre: DVec2) -> Option<Cut> {
+        let uv = flat.uv.iter().map(|&p| p - centre).collect();
+        let cut = Sectors::new(&mut self.region, uv).and_then(|mut sectors| sectors.cut());
+        self.region.positions.truncate(self.vertices);
+        self.region.attributes.truncate(self.vertices);
+        self.region.triangles.clone_from(&self.triangles);
+        let (patches, spokes) = cut?;
+        let areas = patches.iter().map(Patch::area);
+        let mean = areas.clone().sum::<f64>() / patches.len() as f64;
+        let smallest = areas.fold(f64::INFINITY, f64::min);
+        Some((patches, spokes, smallest / mean.max(f64::MIN_POSITIVE)))
+    }
+
+    /// The first cut that there is, or one with a larger smallest patch.
+    fn best(&mut self, flat: &Flat) -> Option<Cut> {
+        let mut best = first_centres(flat).find_map(|centre| self.cut(flat, centre));
+        for centre in even_centres(&self.region, flat) {
+            if best.as_ref().is_some_and(|best| best.2 >= EVEN) {
+                break;
+            }
+            let cut = self.cut(flat, centre);
+            if let Some(cut) = cut
+                && best.as_ref().is_none_or(|best| best.2 < cut.2)
+            {
+                best = Some(cut);
+            }
+        }
+        best.or_else(|| other_centres().find_map(|centre| self.cut(flat, centre)))
+    }
 }
 
 /// Cuts a region; `known` are flattenings by [`Region::key`].
 pub(super) fn cut(
-    mut region: Region,
+    region: Region,
     known: &HashMap<u128, Arc<Flat>>,
 ) -> Result<CutRegion, QuadrangulateError> {
-    let vertices = region.positions.len();
-    let triangles = region.triangles.clone();
     let key = region.key();
     let known = known.get(&key).cloned();
-    let stretched = known.unwrap_or_else(|| Arc::new(region.flattened(WEIGHTS)));
-    let speck = region.speck(&stretched);
-    for weights in [WEIGHTS, Weights::Uniform] {
-        let flat = if weights == WEIGHTS {
-            Arc::clone(&stretched)
-        } else {
-            Arc::new(region.flattened(weights))
-        };
-        for centre in centres(&flat) {
-            let uv = flat.uv.iter().map(|&p| p - centre).collect();
-            let cut = Sectors::new(&mut region, uv).and_then(|mut sectors| sectors.cut());
-            if let Some((patches, spokes)) = cut {
-                return Ok(CutRegion {
-                    patches,
-                    spokes,
-                    speck,
-                    key,
-                    flat: stretched,
-                });
-            }
-            region.positions.truncate(vertices);
-            region.attributes.truncate(vertices);
-            region.triangles.clone_from(&triangles);
-        }
-    }
-    Err(QuadrangulateError::Folded {
-        region: region.id,
-        triangles: triangles.len(),
+    let flat = known.unwrap_or_else(|| Arc::new(region.flattened(WEIGHTS)));
+    let speck = region.speck(&flat);
+    let mut retry = Retry::new(region);
+    let cut = retry.best(&flat).or_else(|| {
+        let uniform = retry.region.flattened(Weights::Uniform);
+        retry.best(&uniform)
+    });
+    let Some((patches, spokes, _)) = cut else {
+        return Err(QuadrangulateError::Folded {
+            region: retry.region.id,
+            triangles: retry.triangles.len(),
+        });
+    };
+    Ok(CutRegion {
+        patches,
+        spokes,
+        speck,
+        key,
+        flat,
     })
 }
 

@@ -36,18 +36,6 @@ pub struct Layout {
     pub specks: Vec<u32>,
 }
 
-impl Layout {
-    /// Area of the smallest patch, in median ones; 1 without patches.
-    pub fn evenness(&self) -> f64 {
-        let mut areas: Vec<f64> = self.patches.iter().map(Patch::area).collect();
-        areas.sort_by(f64::total_cmp);
-        match (areas.first(), areas.get(areas.len() / 2)) {
-            (Some(smallest), Some(median)) => smallest / median.max(f64::MIN_POSITIVE),
-            _ => 1.0,
-        }
-    }
-}
-
 /// A region that could not be cut into quads.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]

@@ -42,13 +42,11 @@ fn the_dragons_handles_are_cut_and_no_protrusion_is_lost() {
     );
     // They were 1 270 before handles were cut.
     assert!(layout.regions <= 120, "{} regions", layout.regions);
-    let area = &layout.chart_area;
-    assert!(area.min >= area.median / 50.0, "{area:?}");
     assert!(layout.fingers_cut >= 8, "{} fingers", layout.fingers_cut);
     assert!(layout.handles_cut >= 50, "{} handles", layout.handles_cut);
     assert!(error.rms_rel <= 1e-4, "{error:?}");
     assert!(error.hausdorff_rel <= error.max_rel, "{error:?}");
-    assert!(error.hausdorff_rel <= 3.3e-3, "{error:?}");
+    assert!(error.hausdorff_rel <= 3e-3, "{error:?}");
     // Caps are within the stated bound, and no part of the input.
     assert!(layout.cap_distance_rel <= error.max_rel, "{layout:?}");
     assert_eq!(report.input.triangles, 871_414);

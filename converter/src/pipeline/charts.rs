@@ -31,15 +31,6 @@ const CAP_SHARE: f64 = 0.03;
 /// Rounds of splitting regions at protrusions; each halves what is left of them.
 const SPLIT_ROUNDS: u32 = 3;
 
-/// No patch should have less than this part of the median area.
-const EVEN: f64 = 1.0 / 50.0;
-
-/// Other numbers of regions that are tried for that, in those that are wanted.
-const REGIONS_TRIED: [f64; 4] = [1.08, 0.92, 1.04, 0.96];
-
-/// Triangles that are segmented again for that, all together.
-const MOST_TRIED: usize = 4_000_000;
-
 /// What was cut off a surface before charts are made of it, and the caps that closed it.
 pub(super) struct Caps {
     handles: caps::Caps,
@@ -116,12 +107,18 @@ impl Conversion<'_> {
         if mesh.triangles.is_empty() {
             return Ok(Some(Charted::default()));
         }
+        self.begin("segment")?;
+        let segmentation = segment::segment(
+            mesh,
+            target_regions(mesh.triangles.len(), handle_count(mesh)),
+        );
+        self.begin("quadrangulate")?;
         let Layout {
             mut patches,
             borders,
             regions,
             ..
-        } = self.even_layout(mesh)?;
+        } = self.layout(mesh, segmentation)?;
         let layout = LayoutReport {
             regions,
             chart_area: AreaReport::of(patches.par_iter().map(Patch::area).collect()),
@@ -173,29 +170,6 @@ impl Conversion<'_> {
         }))
     }
 
-    /// The first layout whose patches are even, or the most even of some: where regions meet is a matter of luck at the neck of
-    /// a handle that was not cut, and another number of them moves it.
-    fn even_layout(&mut self, mesh: &ManifoldMesh) -> Result<Layout, ConvertError> {
-        self.begin("segment")?;
-        let triangles = mesh.triangles.len();
-        let regions = target_regions(triangles, handle_count(mesh));
-        let segmentation = segment::segment(mesh, regions);
-        self.begin("quadrangulate")?;
-        let mut best = self.layout(mesh, segmentation)?;
-        let most = REGIONS_TRIED.len().min(MOST_TRIED / triangles.max(1));
-        for factor in &REGIONS_TRIED[..most] {
-            if best.evenness() >= EVEN {
-                break;
-            }
-            let segmentation = segment::segment(mesh, whole(f64::from(regions) * factor));
-            let layout = self.layout(mesh, segmentation)?;
-            if layout.evenness() > best.evenness() {
-                best = layout;
-            }
-        }
-        Ok(best)
-    }
-
     /// Quads of the regions; regions with protrusions that no flattening shows are split.
     fn layout(
         &self,
@@ -239,17 +213,14 @@ impl Conversion<'_> {
 /// Handles force regions of their own whatever is wanted; asking for too few makes the others ragged (the dragon, 55
 /// handles: 12% of its area lies in ragged regions at 120 wanted, 2% at 250).
 fn target_regions(triangles: usize, handles: usize) -> u32 {
-    whole(30.0 * (triangles as f64 / 1e5).powf(0.55) + 3.0 * handles as f64)
-}
-
-fn whole(regions: f64) -> u32 {
+    let regions = 30.0 * (triangles as f64 / 1e5).powf(0.55) + 3.0 * handles as f64;
     #[expect(
         clippy::cast_possible_truncation,
         clippy::cast_sign_loss,
         reason = "clamped"
     )]
-    let whole = regions.round().clamp(4.0, 1e6) as u32;
-    whole
+    let regions = regions.round().clamp(4.0, 1e6) as u32;
+    regions
 }
 
 /// How far from the surface caps may be, and what they may all together add to the integral of the squared error.

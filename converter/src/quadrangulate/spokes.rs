@@ -107,9 +107,13 @@ impl Retry {
 
     /// The first cut that there is, or one with a larger smallest patch.
     fn best(&mut self, flat: &Flat) -> Option<Cut> {
+        let is_even = |cut: &Option<Cut>| cut.as_ref().is_some_and(|cut| cut.2 >= EVEN);
         let mut best = first_centres(flat).find_map(|centre| self.cut(flat, centre));
+        if is_even(&best) {
+            return best;
+        }
         for centre in even_centres(&self.region, flat) {
-            if best.as_ref().is_some_and(|best| best.2 >= EVEN) {
+            if is_even(&best) {
                 break;
             }
             let cut = self.cut(flat, centre);

@@ -9,7 +9,7 @@ use std::process::{Command, ExitCode};
 
 /// Runs every check, whatever fails before, and sums up.
 pub(crate) fn run(project: &Project) -> ExitCode {
-    println!("All checks: about 40 minutes on two cores the first time, 20 minutes after that.");
+    println!("All checks: about 40 minutes on two cores the first time, 15 minutes after that.");
     let mut steps = Steps::default();
     let set_up = steps.run("set-up", "1 to 3 min", || set_up(project));
     steps.run("formatting", "2 s", || {

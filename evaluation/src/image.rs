@@ -4,12 +4,14 @@
 
 mod filter;
 mod flip;
+mod light;
 mod mask;
 mod noise;
 mod outline;
 mod ssim;
 
 pub use flip::{PIXELS_PER_DEGREE, REACH, flip, flip_map};
+pub use light::shrunk;
 pub(crate) use mask::same_size;
 pub use mask::{Mask, silhouette};
 pub use noise::{mean_square, psnr_db};
@@ -47,6 +49,16 @@ pub enum ImageError {
         second_width: usize,
         /// Rows of the second.
         second_height: usize,
+    },
+    /// An image cannot be divided into squares.
+    #[error("{width} x {height} pixels are no squares of {factor} x {factor}")]
+    Factor {
+        /// Pixels a row.
+        width: usize,
+        /// Rows.
+        height: usize,
+        /// Pixels along a side of a square.
+        factor: usize,
     },
 }
 

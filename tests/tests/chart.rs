@@ -193,7 +193,8 @@ fn assert_chart_is_whole(way: &[&str]) {
             "{point}"
         );
         if point["method"] == "original" {
-            assert!((ssim - 1.0).abs() < 1e-9 && flip < 1e-9, "{point}");
+            // The reference is the same with less noise.
+            assert!(ssim > 0.95 && ssim < 1.0 && flip < 0.05, "{point}");
         }
     }
     let finest = |px: &str| {

@@ -8,6 +8,7 @@
 //! percentiles as well.
 
 use super::filter::{Kernel, filtered};
+use super::light::linear_from_srgb;
 use super::{Image, ImageError, Mask, mask::same_size};
 use std::f64::consts::PI;
 
@@ -190,15 +191,6 @@ fn features(opponent: &[Vec<f64>; 3], size: (usize, usize)) -> Vec<(f64, f64)> {
         .into_iter()
         .zip(magnitude(&point))
         .collect()
-}
-
-fn linear_from_srgb(byte: u8) -> f64 {
-    let value = f64::from(byte) / 255.0;
-    if value <= 0.04045 {
-        value / 12.92
-    } else {
-        ((value + 0.055) / 1.055).powf(2.4)
-    }
 }
 
 fn transformed(matrix: &[[f64; 3]; 3], [a, b, c]: Colour) -> Colour {

@@ -1,6 +1,7 @@
 //! Pictures of the file, of levels of detail and of the input itself, compared view by view.
 //!
-//! The reference is the whole input, drawn from the same eye with the same light (`marquetry_native::mesh`). A file is drawn as a
+//! The reference is the whole input, drawn from the same eye with the same light (`marquetry_native::mesh`), each pixel the mean of several
+//! ([`refined`]): triangles that are smaller than a pixel are lit at one point of it otherwise, which is noise. A file is drawn as a
 //! viewer would: settled, for several screen-space errors. Levels of detail are drawn as a whole from every distance, whatever
 //! their error is on the screen: which of them a viewer would take is left to the reader of the curve.
 
@@ -25,6 +26,9 @@ const TIMED_IN_SOFTWARE: usize = 3;
 /// Levels are drawn from a distance where their triangles are within this factor of what the file draws there: each has half as
 /// many as the one before, so those around every point of the file are among them.
 const NEARBY: f64 = 2.1;
+/// Pixels of the reference, each way, in place of one, as far as it gets no larger than what every device draws.
+const REFINED: u32 = 4;
+const LARGEST: u32 = 8192;
 /// Of the pictures; no lit surface has it.
 pub(super) const BACKGROUND: Background = Background([0x20, 0x22, 0x26]);
 
@@ -70,18 +74,19 @@ pub(super) fn points(
     let original = easel.painter.upload(&whole.plain())?;
     for (distance, cameras) in studio.distances.iter().zip(&cameras) {
         let (shots, costs) = easel.meshes(&original, cameras)?;
+        let refined = easel.refined(&original, cameras, &shots)?;
         let setting = "whole".to_owned();
         let point = point(
             studio,
             Method::Original,
             *distance,
             setting,
-            &shots,
+            &refined,
             &shots,
             &costs,
         )?;
         points.extend(point);
-        references.push(shots);
+        references.push(refined);
     }
     drop(original);
     (studio.tell)(1.0 / rounds);
@@ -210,6 +215,18 @@ impl<'a> Easel<'a> {
         Ok(taken)
     }
 
+    /// Pictures of a mesh that `shots` were taken of, for reference.
+    fn refined(
+        &mut self,
+        mesh: &MeshBuffers,
+        cameras: &[Camera],
+        shots: &[Shot],
+    ) -> anyhow::Result<Vec<Shot>> {
+        let views = cameras.iter().zip(shots);
+        let refined = views.map(|(camera, shot)| refined(&mut self.painter, mesh, camera, shot));
+        refined.collect()
+    }
+
     fn file(&mut self, cameras: &[Camera]) -> anyhow::Result<(Vec<Shot>, Vec<Cost>)> {
         let mut taken = (Vec::new(), Vec::new());
         for (number, camera) in cameras.iter().enumerate() {
@@ -236,6 +253,23 @@ impl<'a> Easel<'a> {
         self.headless.wait()?;
         Ok(taken)
     }
+}
+
+/// What `shot` shows, without the noise of lighting one point of each pixel; the object is where it was there.
+///
+/// # Errors
+/// When the mesh cannot be drawn so large.
+pub(super) fn refined(
+    painter: &mut MeshPainter,
+    mesh: &MeshBuffers,
+    camera: &Camera,
+    shot: &Shot,
+) -> anyhow::Result<Shot> {
+    let (width, height) = (shot.picture.width, shot.picture.height);
+    let factor = (LARGEST / width.max(height).max(1)).clamp(1, REFINED);
+    let size = Viewport::new(factor * width, factor * height);
+    painter.draw(mesh, camera, size)?;
+    shot.refined(&painter.read_back()?, factor as usize)
 }
 
 /// The point of one setting and distance; `None` where no view shows anything.

@@ -21,6 +21,18 @@ impl Shot {
         Ok(Self { picture, mask })
     }
 
+    /// The same with the pixels of a picture that is `factor` times as wide and high.
+    pub(super) fn refined(&self, large: &Picture, factor: usize) -> anyhow::Result<Self> {
+        let rgba = image::shrunk(image_of(large)?, factor)?;
+        Ok(Self {
+            picture: Picture {
+                rgba,
+                ..self.picture
+            },
+            mask: self.mask.clone(),
+        })
+    }
+
     /// The picture's pixels, borrowed.
     pub(super) fn image(&self) -> anyhow::Result<Image<'_>> {
         image_of(&self.picture)

@@ -5,7 +5,7 @@
 //! Limit: one model, not many at once: the engine draws one file.
 
 use super::data::TransitionPoint;
-use super::pictures::{BACKGROUND, Studio, looks};
+use super::pictures::{BACKGROUND, Studio, looks, refined};
 use super::quality::Shot;
 use super::split::SplitMesh;
 use marquetry_engine::{Camera, Transition, ViewerOptions};
@@ -55,7 +55,8 @@ pub(super) fn points(
         let mut references = Vec::new();
         for camera in &cameras {
             painter.draw(&mesh, camera, studio.size)?;
-            references.push(Shot::new(painter.read_back()?, BACKGROUND.0)?);
+            let shot = Shot::new(painter.read_back()?, BACKGROUND.0)?;
+            references.push(refined(&mut painter, &mesh, camera, &shot)?);
         }
         for (k, transition) in TRANSITIONS.into_iter().enumerate() {
             points.push(flown(studio, view, transition, &cameras, &references)?);

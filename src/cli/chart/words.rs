@@ -186,7 +186,7 @@ pub(super) fn how_pictures(report: &Report) -> String {
     let [width, height] = settings.size;
     format!(
         "Pictures of {width} × {height} pixels from {} directions at each of {} distances, in multiples of the radius of the sphere around \
-         the model; the reference is the whole input, drawn with the same light. Marquetry draws what it would for a largest error of so many \
+         the model; the reference is the whole input, drawn with the same light, each pixel the mean of 16. Marquetry draws what it would for a largest error of so many \
          pixels on the screen; discrete LODs are drawn one by one. Only pixels that show the object count. Bars are 95% intervals of the mean over directions.",
         settings.views.len(),
         settings.distances.len()

@@ -59,6 +59,15 @@ impl Room {
         }
     }
 
+    /// Weight of what normals are changed by, a unit vector, over distances relative to the extent of a group, as it is simplified. Images have
+    /// light in them that does not follow.
+    fn normals(self) -> f32 {
+        match self {
+            Self::Plain => 0.15,
+            Self::Textured => 0.0,
+        }
+    }
+
     /// Most texels of the source's images on a leaf: an image of 256² texels has gaps.
     fn texels(self) -> f32 {
         match self {

@@ -14,7 +14,7 @@ mod fans;
 pub mod fingers;
 pub mod handles;
 pub mod manifold;
-mod normals;
+pub mod normals;
 pub mod refit;
 mod simplicial;
 mod t_junction;

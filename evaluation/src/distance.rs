@@ -217,11 +217,24 @@ pub fn from_points(points: &[DVec3], mesh: Mesh<'_>) -> Result<OneWay, MeshError
 /// # Errors
 /// When the mesh has an index out of range or a coordinate that is not finite.
 pub fn samples(mesh: Mesh<'_>, count: u64) -> Result<Vec<DVec3>, MeshError> {
+    let mut points = Vec::new();
+    for_each_sample(mesh, count, |_, point| points.push(point))?;
+    Ok(points)
+}
+
+/// Calls `visit` with each of the [`samples`] and the triangle that it is on.
+///
+/// # Errors
+/// As [`samples`].
+pub fn for_each_sample(
+    mesh: Mesh<'_>,
+    count: u64,
+    visit: impl FnMut(usize, DVec3),
+) -> Result<(), MeshError> {
     check(mesh)?;
     let sampler = AreaSampler::new(mesh, count);
-    let mut points = Vec::with_capacity(sampler.len());
-    sampler.for_each(0..sampler.len(), |_, point| points.push(point));
-    Ok(points)
+    sampler.for_each(0..sampler.len(), visit);
+    Ok(())
 }
 
 /// Sums of one direction, or of one chunk of it.
@@ -363,10 +376,10 @@ fn sampled(from: Mesh<'_>, to: Mesh<'_>, tree: &Bvh, samples: u64) -> Sums {
     let parts: Vec<Sums> = chunks(sampler.len())
         .into_par_iter()
         .map(|range| {
-            let mut near = Coherent::new(tree);
+            let mut hint = 0;
             let mut sums = Sums::default();
             sampler.for_each(range, |triangle, point| {
-                let Some(closest) = near.closest(point) else {
+                let Some(closest) = tree.closest_from(point, &mut hint) else {
                     return;
                 };
                 sums.add(closest.distance2);
@@ -427,32 +440,6 @@ fn chunks(len: usize) -> Vec<Range<usize>> {
 /// Angle between unit vectors by the arc tangent, which is exact near 0 where the arc cosine is not.
 fn angle_degrees(a: DVec3, b: DVec3) -> f64 {
     a.cross(b).length().atan2(a.dot(b)).to_degrees()
-}
-
-/// Asks a tree about points that follow one another on a surface: the last answer bounds the next.
-struct Coherent<'a> {
-    tree: &'a Bvh,
-    last: Option<(DVec3, f64)>,
-}
-
-impl<'a> Coherent<'a> {
-    fn new(tree: &'a Bvh) -> Self {
-        Self { tree, last: None }
-    }
-
-    fn closest(&mut self, point: DVec3) -> Option<Closest> {
-        let bound = self.last.map_or(f64::INFINITY, |(last, distance)| {
-            // The triangle inequality, with room for rounding.
-            let reach = (distance + point.distance(last)) * (1.0 + 1e-9);
-            reach * reach
-        });
-        let closest = self
-            .tree
-            .closest(point, bound)
-            .or_else(|| self.tree.closest(point, f64::INFINITY))?;
-        self.last = Some((point, closest.distance2.sqrt()));
-        Some(closest)
-    }
 }
 
 #[cfg(test)]

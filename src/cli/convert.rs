@@ -53,7 +53,7 @@ enum Kind {
 /// What becomes charts.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, clap::ValueEnum)]
 enum WithCharts {
-    /// Scans with colours of vertices or images
+    /// Scans with colours of vertices, unless they have images
     #[default]
     Auto,
     /// All scans, as far as they are fit for it

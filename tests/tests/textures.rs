@@ -8,7 +8,7 @@ use marquetry_engine::{Shade, Transition, ViewerOptions, Viewport};
 use marquetry_evaluation::image::{Image, ssim};
 use marquetry_native::Headless;
 use marquetry_tests::stage::Stage;
-use marquetry_tests::{Converted, arguments, convert, data, marquetry, textured};
+use marquetry_tests::{Converted, WITH_CHARTS, arguments, convert, data, marquetry, textured};
 use serde_json::Value;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -81,15 +81,20 @@ fn torn(input: &Path, folder: &Path) -> PathBuf {
     torn
 }
 
-/// A hole for every hundred triangles: clusters with images of their own, at every level.
+/// As it is, and with a hole for every hundred triangles: clusters with images of their own, at every level.
 #[test]
-fn a_torn_scan_keeps_its_textures() {
+fn a_scan_keeps_its_textures() {
     let Some(input) = data::find("textured_meshroom/texturedMesh.obj") else {
         return;
     };
+    assert_keeps_textures(&input);
     let folder = TempDir::new().unwrap();
-    let input = torn(&input, folder.path());
-    let file = convert(&input, &["--allow-worse"]).unwrap();
+    assert_keeps_textures(&torn(&input, folder.path()));
+}
+
+fn assert_keeps_textures(input: &Path) {
+    let file = convert(input, &[]).unwrap();
+    assert_eq!(file.report["output"]["charts"], 0);
     let textures = &file.report["textures"];
     let count = |key: &str| textures[key].as_u64().unwrap();
     let clusters = &file.report["output"]["clusters"];
@@ -104,16 +109,17 @@ fn a_torn_scan_keeps_its_textures() {
     );
     let verified = marquetry(&arguments!["verify", &file.path]).unwrap();
     verified.succeeded().unwrap();
-    assert_similar(&input, &file);
+    assert_similar(input, &file);
 }
 
 #[test]
-fn a_textured_scan_looks_as_its_source_near_and_far() {
+fn charts_of_a_textured_scan_look_as_their_source_near_and_far() {
     let Some(input) = data::find("textured_meshroom/texturedMesh.obj") else {
         return;
     };
     // Coarse enough that charts take few samples for a triangle: at the default all of it becomes clusters.
-    let file = convert(&input, &["--error-rel", "1.5e-4"]).unwrap();
+    let coarse = ["--error-rel", "1.5e-4"];
+    let file = convert(&input, &[&coarse, WITH_CHARTS].concat()).unwrap();
     assert!(file.report["output"]["charts"].as_u64().unwrap() > 20);
     let textures = &file.report["textures"];
     let count = |key: &str| textures[key].as_u64().unwrap();

@@ -161,7 +161,8 @@ fn coarser(
         });
     }
     let target = (FULL * members.len().div_ceil(REDUCTION)).min(whole.triangles.len() / 2);
-    let (shape, distance) = simplified_within(&whole, |place| groups.is_held(place), target, unit)?;
+    let is_held = |place: &LatticePoint| groups.is_held(place);
+    let (shape, distance) = simplified_within(&whole, is_held, target, unit, room)?;
     let parts = shape.split(FULL, room);
     (3 * parts.len() <= 2 * members.len()).then_some(Coarser { parts, distance })
 }

@@ -4,8 +4,8 @@ use super::Room;
 use super::leaf::divide;
 use crate::texture::cluster::unwrap::is_unwrappable;
 use glam::DVec3;
-use marquetry_format::ClusterMesh;
 use marquetry_format::cluster::{MAX_CLUSTER_TRIANGLES, MAX_CLUSTER_VERTICES};
+use marquetry_format::{ClusterMesh, octahedral};
 use std::collections::HashMap;
 
 /// A vertex: position, octahedral normal, colour (zeros where there are none).
@@ -139,6 +139,12 @@ impl Shape {
     /// Positions as numbers, lattice units.
     pub fn positions(&self) -> Vec<DVec3> {
         self.vertices.iter().map(|v| point(v.0)).collect()
+    }
+
+    /// Normals as vectors of length 1.
+    pub fn normals(&self) -> Vec<DVec3> {
+        let of = |v: &Vertex| DVec3::from_array(octahedral::decode(v.1).map(f64::from));
+        self.vertices.iter().map(of).collect()
     }
 }
 

@@ -4,7 +4,8 @@
 //! whole parts as it goes (Garland & Heckbert, "Surface Simplification Using Quadric Error Metrics", 1997; meshoptimizer),
 //! vertex clustering (Rossignac & Borrel, "Multi-resolution 3D approximations for rendering complex scenes", 1993;
 //! meshoptimizer's sloppy simplification), and leaving out all but the largest triangles.
-//! Vertices keep their positions, so all stay on the lattice. Where some of them are to stay, only the collapse will do; the others are
+//! Vertices keep their positions, so all stay on the lattice. Where some of them are to stay, only the collapse will do, which then minds
+//! normals as well (Hoppe, "New Quadric Metric for Simplifying Meshes with Appearance Attributes", 1999; meshoptimizer); the others are
 //! fitted afterwards to what they stand for ([`mod@crate::mesh::refit`]), up to the lattice.
 
 use super::Room;
@@ -12,15 +13,15 @@ use super::bound::{self, hausdorff};
 use super::graph::Distance;
 use super::shape::{Shape, point};
 use crate::mesh::adjacency::id;
-use crate::mesh::refit::refit;
+use crate::mesh::refit::{Cloud, Refit, refit};
 use crate::mesh::{WeldedMesh, bounds};
 use glam::DVec3;
-use marquetry_evaluation::distance::{self, Mesh};
-use marquetry_format::LatticePoint;
+use marquetry_evaluation::distance::Mesh;
 use marquetry_format::cluster::MAX_CLUSTER_TRIANGLES;
+use marquetry_format::{LatticePoint, octahedral};
 use meshopt::{
-    SimplifyOptions, VertexDataAdapter, simplify, simplify_sloppy, simplify_with_locks,
-    typed_to_bytes,
+    SimplifyOptions, VertexDataAdapter, simplify, simplify_sloppy,
+    simplify_with_attributes_and_locks, typed_to_bytes,
 };
 use std::collections::HashMap;
 
@@ -66,9 +67,10 @@ pub(super) fn simplified_within(
     is_held: impl Fn(&LatticePoint) -> bool,
     target: usize,
     unit: u32,
+    room: Room,
 ) -> Option<(Shape, Distance)> {
     let coarser = fitted(
-        &collapse_within(shape, &is_held, target),
+        &collapse_within(shape, &is_held, target, room),
         shape,
         is_held,
         unit,
@@ -114,9 +116,13 @@ fn fitted(
         positions: &positions,
         triangles: &shape.triangles,
     };
+    let mut normals = coarser.normals();
     let count = FITTED_TO * mesh.triangles.len();
-    if let Ok(points) = distance::samples(source, count as u64) {
-        refit(&mut mesh, &points, |v| is_held(&places[v as usize]));
+    if let Ok(cloud) = Cloud::on(source, &shape.normals(), count as u64) {
+        let Refit { shading, .. } = refit(&mut mesh, &cloud, |v| is_held(&places[v as usize]));
+        shading.fit(&coarser.triangles, &mut normals, |v| {
+            is_held(&coarser.vertices[v as usize].0)
+        });
     }
     let (low, high) = bounds(&positions);
     #[expect(
@@ -132,7 +138,12 @@ fn fitted(
     let mut fitted = Shape::default();
     for t in &coarser.triangles {
         fitted.triangle(t.map(|v| {
-            let (_, normal, colour) = coarser.vertices[v as usize];
+            let (place, own, colour) = coarser.vertices[v as usize];
+            let normal = if is_held(&place) {
+                own
+            } else {
+                octahedral::encode(normals[v as usize].as_vec3().to_array())
+            };
             (moved[number_of[v as usize] as usize], normal, colour)
         }));
     }
@@ -171,12 +182,30 @@ fn collapse(shape: &Shape, target: usize) -> Shape {
     })
 }
 
-fn collapse_within(shape: &Shape, is_held: impl Fn(&LatticePoint) -> bool, target: usize) -> Shape {
+fn collapse_within(
+    shape: &Shape,
+    is_held: impl Fn(&LatticePoint) -> bool,
+    target: usize,
+    room: Room,
+) -> Shape {
     let held: Vec<bool> = shape.vertices.iter().map(|v| is_held(&v.0)).collect();
+    let normals: Vec<[f32; 3]> = (shape.vertices.iter())
+        .map(|vertex| octahedral::decode(vertex.1))
+        .collect();
     let options = SimplifyOptions::Permissive | SimplifyOptions::ErrorAbsolute;
     run(shape, |indices, vertices| {
-        let count = (3 * target).min(indices.len());
-        simplify_with_locks(indices, vertices, &held, count, f32::MAX, options, None)
+        simplify_with_attributes_and_locks(
+            indices,
+            vertices,
+            normals.as_flattened(),
+            &[room.normals(); 3],
+            size_of::<[f32; 3]>(),
+            &held,
+            (3 * target).min(indices.len()),
+            f32::MAX,
+            options,
+            None,
+        )
     })
 }
 
@@ -246,14 +275,14 @@ mod tests {
     #[test]
     fn what_stands_for_others_is_fitted_on_the_lattice_and_what_is_held_stays() {
         let bowl = bowl();
-        let plain = collapse_within(&bowl, is_rim, 300);
+        let plain = collapse_within(&bowl, is_rim, 300, Room::Plain);
         let (own, positions) = (plain.positions(), bowl.positions());
         let before = bound::distance(
             (&own, &plain.triangles),
             (&positions, &bowl.triangles),
             f64::INFINITY,
         );
-        let (fitted, distance) = simplified_within(&bowl, is_rim, 300, UNIT).unwrap();
+        let (fitted, distance) = simplified_within(&bowl, is_rim, 300, UNIT, Room::Plain).unwrap();
         assert!(fitted.triangles.len() <= plain.triangles.len());
         assert!(
             distance.squares < 0.5 * before.squares,

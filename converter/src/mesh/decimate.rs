@@ -20,7 +20,7 @@ mod quadric;
 #[cfg(test)]
 mod tests;
 
-pub use aimed::{MOST_KEPT, aimed};
+pub use aimed::{Aimed, MOST_KEPT, aimed};
 
 use super::adjacency::{EdgeTable, UnionFind, id};
 use super::{NONE, WeldedMesh, bounds, weld};

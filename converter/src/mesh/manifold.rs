@@ -55,7 +55,7 @@ pub fn manifold(mesh: WeldedMesh, table: &EdgeTable, account: &mut Account) -> M
         account.split_edges = simplicial::make_simplicial(&mut mesh, id(welded));
         account.added_triangles += mesh.triangles.len() - before;
     }
-    mesh.normals = normals::vertex_normals(&mesh);
+    mesh.normals = normals::shared_normals(&mesh);
     mesh
 }
 

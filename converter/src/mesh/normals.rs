@@ -9,15 +9,20 @@
 use super::ManifoldMesh;
 use super::adjacency::{UnionFind, id};
 use glam::DVec3;
+use marquetry_evaluation::distance::Mesh;
+use std::collections::HashMap;
 
 /// Copies lie on one sheet if the cosine between their normals is at least this (45°).
 const SAME_SHEET: f64 = 0.707;
 
-/// Unit normals; +z where all faces at a vertex have no area.
-pub(super) fn vertex_normals(mesh: &ManifoldMesh) -> Vec<DVec3> {
-    let mut sums = vec![DVec3::ZERO; mesh.positions.len()];
-    for t in &mesh.triangles {
-        let [a, b, c] = t.map(|v| mesh.positions[v as usize]);
+/// Cosine, either way, between the normal of a vertex and one that was found for its place, at least.
+const SAME_PLACE: f64 = 0.7;
+
+/// Normals of the vertices of a surface, of any length.
+pub fn vertex_normals(surface: Mesh<'_>) -> Vec<DVec3> {
+    let mut sums = vec![DVec3::ZERO; surface.positions.len()];
+    for t in surface.triangles {
+        let [a, b, c] = t.map(|v| surface.positions[v as usize]);
         let edges = [b - a, c - b, a - c];
         let normal = edges[0].cross(-edges[2]);
         let squares = edges.map(DVec3::length_squared);
@@ -28,11 +33,37 @@ pub(super) fn vertex_normals(mesh: &ManifoldMesh) -> Vec<DVec3> {
             }
         }
     }
+    sums
+}
+
+/// Unit normals; +z where all faces at a vertex have no area.
+pub(super) fn shared_normals(mesh: &ManifoldMesh) -> Vec<DVec3> {
+    let mut sums = vertex_normals(Mesh {
+        positions: &mesh.positions,
+        triangles: &mesh.triangles,
+    });
     share_among_copies(&mesh.origin, &mut sums);
     for n in &mut sums {
         *n = unit(*n).unwrap_or(DVec3::Z);
     }
     sums
+}
+
+/// Gives vertices the unit normals that were found for their `places`, up to sign, where they are about like those they have.
+pub fn take_over(mesh: &mut ManifoldMesh, places: &[DVec3], normals: &[DVec3]) {
+    let key = |place: &DVec3| place.to_array().map(f64::to_bits);
+    let found: HashMap<[u64; 3], DVec3> = (places.iter().map(key))
+        .zip(normals.iter().copied())
+        .collect();
+    for (place, own) in mesh.positions.iter().zip(&mut mesh.normals) {
+        let Some(&found) = found.get(&key(place)) else {
+            continue;
+        };
+        let cosine = found.dot(*own);
+        if cosine.abs() >= SAME_PLACE {
+            *own = found * cosine.signum();
+        }
+    }
 }
 
 /// `v` at length 1, also where the square of its length would overflow or vanish.
@@ -78,5 +109,25 @@ fn share_among_copies(origin: &[u32], sums: &mut [DVec3]) {
         for (i, &root) in roots.iter().enumerate() {
             sums[copies[i] as usize] = shared[root] * sense(i, root);
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn normals_found_for_places_are_taken_with_the_sense_that_vertices_have() {
+        let places = [DVec3::ZERO, DVec3::X, DVec3::Y, DVec3::Z];
+        let found = [DVec3::Z, -DVec3::Z, DVec3::X, DVec3::Z];
+        let mut mesh = ManifoldMesh {
+            // The last is at no place that is known.
+            positions: vec![DVec3::ZERO, DVec3::X, DVec3::Y, DVec3::ONE],
+            normals: vec![DVec3::new(0.0, 0.6, 0.8); 4],
+            ..ManifoldMesh::default()
+        };
+        let own = mesh.normals[0];
+        take_over(&mut mesh, &places, &found);
+        assert_eq!(mesh.normals, [DVec3::Z, DVec3::Z, own, own]);
     }
 }

@@ -7,18 +7,23 @@
 //! Limits: vertices on borders and of non-manifold edges stay. Few points a vertex make it follow those in place of the surface: 4 of them
 //! make bunny worse, from 25 on little is gained.
 
+mod cloud;
+mod gradients;
+mod shading;
+
+pub use cloud::Cloud;
+pub use shading::Shading;
+
 use super::WeldedMesh;
 use super::adjacency::{EdgeTable, id};
 use glam::{DMat3, DVec3};
 use marquetry_evaluation::distance::Indexed;
+use shading::Shade;
 
 /// Weight of the squared distance across the normal.
 const ACROSS: f64 = 0.005;
 /// Weight of staying, over that of the points of a vertex on average.
 const STAYING: f64 = 0.001;
-/// Steps of conjugate gradients, at most, and the part of the residual that is left at the last.
-const STEPS: u32 = 20;
-const LEFT: f64 = 1e-3;
 /// Farthest that a vertex moves, over the shortest edge around it.
 const FARTHEST: f64 = 0.4;
 /// Cosine of the angle that a triangle turns by at most.
@@ -26,15 +31,26 @@ const COSINE: f64 = 0.7;
 /// Points whose nearest places are looked for in one go.
 const AT_A_TIME: usize = 1 << 16;
 
-/// Moves vertices of `mesh` but those that are held towards `points`, finite ones; how far the farthest went, a length.
+/// What was done, and what is known of normals by it.
+#[derive(Debug, Clone, Default)]
+pub struct Refit {
+    /// How far the farthest vertex went, a length.
+    pub farthest: f64,
+    /// Normals that points have.
+    pub shading: Shading,
+}
+
+/// Moves vertices of `mesh` but those that are held towards the points of `cloud`.
 ///
 /// No triangle is turned by more than 46 degrees. The same for any number of threads.
-pub fn refit(mesh: &mut WeldedMesh, points: &[DVec3], is_held: impl Fn(u32) -> bool) -> f64 {
+pub fn refit(mesh: &mut WeldedMesh, cloud: &Cloud, is_held: impl Fn(u32) -> bool) -> Refit {
     let tree = match Indexed::new(mesh.surface()) {
-        Ok(tree) if !points.is_empty() => tree,
-        _ => return 0.0,
+        Ok(tree) if !cloud.places.is_empty() => tree,
+        _ => return Refit::default(),
     };
-    let mut moves = System::new(mesh, &tree, points, is_held).solve();
+    let system = System::new(mesh, &tree, cloud, is_held);
+    let mut moves = system.solve();
+    let shading = system.shading;
     limit(mesh, &mut moves);
     keep_upright(mesh, &mut moves);
     let mut farthest = 0.0_f64;
@@ -42,33 +58,14 @@ pub fn refit(mesh: &mut WeldedMesh, points: &[DVec3], is_held: impl Fn(u32) -> b
         *place += *by;
         farthest = farthest.max(by.length());
     }
-    farthest
-}
-
-/// What the points nearest to a triangle ask for.
-#[derive(Debug, Clone, Copy, Default)]
-struct Pull {
-    /// Sums of products of weights of corners: 00, 11, 22, 01, 12, 20.
-    weights: [f64; 6],
-    /// By corner, the sum of the ways to the points.
-    ways: [DVec3; 3],
-}
-
-impl Pull {
-    fn add(&mut self, at: [f64; 3], way: DVec3) {
-        for k in 0..3 {
-            self.weights[k] += at[k] * at[k];
-            self.weights[3 + k] += at[k] * at[(k + 1) % 3];
-            self.ways[k] += way * at[k];
-        }
-    }
+    Refit { farthest, shading }
 }
 
 /// The normal equations.
 struct System<'a> {
     triangles: &'a [[u32; 3]],
     /// By triangle.
-    weights: Vec<[f64; 6]>,
+    shading: Shading,
     normals: Vec<DVec3>,
     /// By vertex.
     wanted: Vec<DVec3>,
@@ -81,17 +78,30 @@ impl<'a> System<'a> {
     fn new(
         mesh: &'a WeldedMesh,
         tree: &Indexed<'_>,
-        points: &[DVec3],
+        cloud: &Cloud,
         is_held: impl Fn(u32) -> bool,
     ) -> Self {
-        let mut pulls = vec![Pull::default(); mesh.triangles.len()];
+        let normals: Vec<DVec3> = (0..mesh.triangles.len())
+            .map(|t| {
+                let [a, b, c] = mesh.surface().corners(t);
+                (b - a).cross(c - a).normalize_or_zero()
+            })
+            .collect();
+        // By triangle, and by corner of it, the sums of the ways to the points.
+        let mut ways = vec![[DVec3::ZERO; 3]; mesh.triangles.len()];
+        let mut shades = vec![Shade::default(); mesh.triangles.len()];
         // What is nearest takes more room than the points.
-        for points in points.chunks(AT_A_TIME) {
-            for (point, closest) in points.iter().zip(tree.nearest(points)) {
+        for (places, told) in cloud.chunks(AT_A_TIME) {
+            let found = places.iter().zip(told).zip(tree.nearest(places));
+            for ((point, told), closest) in found {
                 let Some(closest) = closest else { continue };
                 let t = closest.triangle as usize;
-                if let Some(at) = barycentric(mesh.surface().corners(t), closest.point) {
-                    pulls[t].add(at, *point - closest.point);
+                let Some(at) = barycentric(mesh.surface().corners(t), closest.point) else {
+                    continue;
+                };
+                shades[t].add(at, normals[t], told.as_dvec3());
+                for (way, at) in ways[t].iter_mut().zip(at) {
+                    *way += (*point - closest.point) * at;
                 }
             }
         }
@@ -99,19 +109,14 @@ impl<'a> System<'a> {
         for (v, is_free) in is_free.iter_mut().enumerate() {
             *is_free &= !is_held(id(v));
         }
-        let normals: Vec<DVec3> = (0..mesh.triangles.len())
-            .map(|t| {
-                let [a, b, c] = mesh.surface().corners(t);
-                (b - a).cross(c - a).normalize_or_zero()
-            })
-            .collect();
-        let staying = STAYING * points.len() as f64 / mesh.positions.len().max(1) as f64;
+        let staying = STAYING * cloud.places.len() as f64 / mesh.positions.len().max(1) as f64;
         let mut wanted = vec![DVec3::ZERO; mesh.positions.len()];
         let mut diagonal = vec![DMat3::from_diagonal(DVec3::splat(staying)); wanted.len()];
-        for ((corners, pull), &normal) in mesh.triangles.iter().zip(&pulls).zip(&normals) {
+        let of_triangles = mesh.triangles.iter().zip(&ways).zip(&shades).zip(&normals);
+        for (((corners, ways), shade), &normal) in of_triangles {
             for (k, &v) in corners.iter().enumerate() {
-                wanted[v as usize] += seen(normal, pull.ways[k]);
-                diagonal[v as usize] += outer(normal) * pull.weights[k];
+                wanted[v as usize] += seen(normal, ways[k]);
+                diagonal[v as usize] += outer(normal) * shade.weights[k];
             }
         }
         let inverse = diagonal.into_iter().map(|m| m.inverse()).collect();
@@ -120,7 +125,7 @@ impl<'a> System<'a> {
         }
         Self {
             triangles: &mesh.triangles,
-            weights: pulls.into_iter().map(|pull| pull.weights).collect(),
+            shading: Shading { shades },
             normals,
             wanted,
             inverse,
@@ -129,54 +134,24 @@ impl<'a> System<'a> {
         }
     }
 
-    /// Conjugate gradients, with the blocks of the diagonal as preconditioner.
     fn solve(&self) -> Vec<DVec3> {
-        let mut moves = vec![DVec3::ZERO; self.wanted.len()];
-        let mut residual = self.wanted.clone();
-        let mut way: Vec<DVec3> = self.preconditioned(&residual);
-        let mut square = dot(&residual, &way);
-        let enough = LEFT * LEFT * square;
-        let mut applied = vec![DVec3::ZERO; moves.len()];
-        for _ in 0..STEPS {
-            if square <= enough || square <= 0.0 {
-                break;
-            }
-            self.apply(&way, &mut applied);
-            let length = square / dot(&way, &applied);
-            for v in 0..moves.len() {
-                moves[v] += length * way[v];
-                residual[v] -= length * applied[v];
-            }
-            let next = self.preconditioned(&residual);
-            let next_square = dot(&residual, &next);
-            for (way, next) in way.iter_mut().zip(next) {
-                *way = next + *way * (next_square / square);
-            }
-            square = next_square;
-        }
-        moves
-    }
-
-    fn preconditioned(&self, residual: &[DVec3]) -> Vec<DVec3> {
-        residual
-            .iter()
-            .zip(&self.inverse)
-            .map(|(r, m)| *m * *r)
-            .collect()
+        // The blocks of the diagonal.
+        let preconditioned = |residual: &[DVec3]| {
+            let blocks = residual.iter().zip(&self.inverse);
+            blocks.map(|(r, m)| *m * *r).collect()
+        };
+        gradients::solve(&self.wanted, preconditioned, |moves, to| {
+            self.apply(moves, to);
+        })
     }
 
     fn apply(&self, moves: &[DVec3], to: &mut [DVec3]) {
         for (to, by) in to.iter_mut().zip(moves) {
             *to = *by * self.staying;
         }
-        for ((&corners, w), &normal) in self.triangles.iter().zip(&self.weights).zip(&self.normals)
-        {
-            let [a, b, c] = corners.map(|v| moves[v as usize]);
-            let sums = [
-                w[0] * a + w[3] * b + w[5] * c,
-                w[3] * a + w[1] * b + w[4] * c,
-                w[5] * a + w[4] * b + w[2] * c,
-            ];
+        let of_triangles = self.triangles.iter().zip(&self.shading.shades);
+        for ((&corners, shade), &normal) in of_triangles.zip(&self.normals) {
+            let sums = shade.product(corners.map(|v| moves[v as usize]));
             for (v, sum) in corners.into_iter().zip(sums) {
                 to[v as usize] += seen(normal, sum);
             }
@@ -194,10 +169,6 @@ fn seen(normal: DVec3, way: DVec3) -> DVec3 {
 
 fn outer(n: DVec3) -> DMat3 {
     DMat3::from_cols(n * n.x, n * n.y, n * n.z) + DMat3::from_diagonal(DVec3::splat(ACROSS))
-}
-
-fn dot(a: &[DVec3], b: &[DVec3]) -> f64 {
-    a.iter().zip(b).map(|(a, b)| a.dot(*b)).sum()
 }
 
 /// Weights of the corners of a triangle at a point on it.
@@ -264,6 +235,7 @@ fn keep_upright(mesh: &WeldedMesh, moves: &mut [DVec3]) {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::mesh::normals::vertex_normals;
     use marquetry_evaluation::distance;
 
     /// A quarter of a cylinder of `cells`² cells, two triangles each; vertices within its border are `outside` of it.
@@ -292,17 +264,22 @@ mod tests {
         mesh
     }
 
-    fn rms(mesh: &WeldedMesh, points: &[DVec3]) -> f64 {
-        distance::from_points(points, mesh.surface()).unwrap().rms
+    fn rms(mesh: &WeldedMesh, cloud: &Cloud) -> f64 {
+        let distances = distance::from_points(&cloud.places, mesh.surface());
+        distances.unwrap().rms
+    }
+
+    fn points_of(mesh: &WeldedMesh) -> Cloud {
+        Cloud::on(mesh.surface(), &vertex_normals(mesh.surface()), 20_000).unwrap()
     }
 
     #[test]
     fn vertices_outside_of_a_curved_surface_come_nearer_and_borders_stay() {
         let source = bent(300, 0.0);
-        let points = distance::samples(source.surface(), 20_000).unwrap();
+        let points = points_of(&source);
         let mut mesh = bent(10, 0.01);
         let before = mesh.clone();
-        let farthest = refit(&mut mesh, &points, |_| false);
+        let farthest = refit(&mut mesh, &points, |_| false).farthest;
         let [least, most] = [rms(&mesh, &points), rms(&before, &points)];
         assert!(least < 0.5 * most, "{least} {most}");
         let ways = || before.positions.iter().zip(&mesh.positions);
@@ -316,16 +293,16 @@ mod tests {
     #[test]
     fn what_lies_on_its_source_stays() {
         let mut mesh = bent(10, 0.0);
-        let points = distance::samples(mesh.surface(), 20_000).unwrap();
-        assert!(refit(&mut mesh, &points, |_| false) < 1e-12);
+        let points = points_of(&mesh);
+        assert!(refit(&mut mesh, &points, |_| false).farthest < 1e-12);
         let before = mesh.clone();
-        assert!(refit(&mut mesh, &[], |_| false) <= 0.0);
+        assert!(refit(&mut mesh, &Cloud::default(), |_| false).farthest <= 0.0);
         assert_eq!(mesh.positions, before.positions);
     }
 
     #[test]
     fn what_is_held_stays() {
-        let points = distance::samples(bent(300, 0.0).surface(), 20_000).unwrap();
+        let points = points_of(&bent(300, 0.0));
         let before = bent(10, 0.01);
         let mut mesh = before.clone();
         refit(&mut mesh, &points, |v| v % 2 == 0);
@@ -338,8 +315,12 @@ mod tests {
     #[test]
     fn no_triangle_is_turned_over() {
         let mut mesh = bent(10, 0.0);
-        let mut points = distance::samples(mesh.surface(), 2_000).unwrap();
-        points.extend((0..500).map(|k| DVec3::new(2.0, 2.0 + f64::from(k) * 1e-3, 0.5)));
+        let mut points = points_of(&mesh);
+        for k in 0..5000 {
+            let place = DVec3::new(2.0, 2.0 + f64::from(k) * 1e-4, 0.5);
+            points.places.push(place);
+            points.normals.push(glam::Vec3::X);
+        }
         let before = mesh.clone();
         refit(&mut mesh, &points, |_| false);
         for t in 0..mesh.triangles.len() {

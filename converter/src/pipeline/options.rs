@@ -20,7 +20,7 @@ pub enum Up {
 /// clusters, and those that are mostly thinner than the lattice tells, have them.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Charts {
-    /// Meshes with colours of vertices or images, where they are fit for it.
+    /// Meshes with colours of vertices and without images, where they are fit for it.
     #[default]
     Auto,
     /// All that is fit for it.
@@ -30,10 +30,10 @@ pub enum Charts {
 }
 
 impl Charts {
-    /// Whether a mesh may have charts; it `is_plain` without colours and images.
-    pub(super) fn of(self, is_plain: bool) -> bool {
+    /// Whether a mesh may have charts; it `is_coloured` with colours of vertices and without images.
+    pub(super) fn of(self, is_coloured: bool) -> bool {
         match self {
-            Self::Auto => !is_plain,
+            Self::Auto => is_coloured,
             Self::Always => true,
             Self::Never => false,
         }

@@ -9,8 +9,8 @@ use crate::import::{self, ImportReport};
 use crate::memory;
 use crate::mesh::account::Account;
 use crate::mesh::bounds;
-use crate::mesh::decimate::{self, Decimated, Goal};
-use crate::mesh::{self, ImportedMesh, ManifoldMesh, WeldedMesh};
+use crate::mesh::decimate::{self, Aimed, Goal};
+use crate::mesh::{self, ImportedMesh, ManifoldMesh, WeldedMesh, normals};
 use crate::report::{ErrorReport, LayoutReport};
 use crate::texture::stage::Textures;
 use glam::DVec3;
@@ -66,8 +66,9 @@ impl Conversion<'_> {
         let has_colours = !imported.colours.is_empty();
         self.begin("weld")?;
         let (mut welded, mut account) = mesh::weld(imported).map_err(|e| e.in_file(self.input))?;
-        let is_plain = !has_colours && !textures.has_images();
-        let mut without_charts = !self.options.charts.of(is_plain);
+        let has_images = textures.has_images();
+        let is_plain = !has_colours && !has_images;
+        let mut without_charts = !self.options.charts.of(has_colours && !has_images);
         let mut gone = Vec::new();
         if is_plain {
             let is_torn = decimate::is_torn(&welded);
@@ -80,7 +81,8 @@ impl Conversion<'_> {
                 gone = distance::samples(welded.surface(), MEASURED_SAMPLES)
                     .map_err(|source| self.unmeasured(source))?;
                 let wanted = self.decimated_rms(&welded, AIM_NOT_KEPT);
-                (welded, account.decimated) = decimate::aimed(Cow::Owned(welded), wanted, is_torn);
+                let aimed = decimate::aimed(Cow::Owned(welded), wanted, is_torn);
+                (welded, account.decimated) = (aimed.mesh, aimed.decimated);
             } else if welded.triangles.len() > most {
                 self.begin("decimate")?;
                 let goal = Goal::for_charts(self.target(&welded), most / 2);
@@ -109,14 +111,23 @@ impl Conversion<'_> {
             self.begin("decimate")?;
             let mut account = account.clone();
             let wanted = self.decimated_rms(source, aim);
-            let mesh;
-            (mesh, account.decimated) = if aim < LEAST || wanted <= 0.0 {
-                (source.clone(), Decimated::default())
+            let Aimed {
+                mesh,
+                normals,
+                decimated,
+            } = if aim < LEAST || wanted <= 0.0 {
+                Aimed::whole(source.clone())
             } else {
                 decimate::aimed(Cow::Borrowed(source), wanted, is_torn)
             };
-            let has_less = account.decimated.triangles > 0;
-            let prepared = self.oriented(mesh, account, false, Origin::Kept(source), true)?;
+            account.decimated = decimated;
+            let has_less = decimated.triangles > 0;
+            let places = mesh.positions.clone();
+            let mut prepared = self.oriented(mesh, account, false, Origin::Kept(source), true)?;
+            if !normals.is_empty() {
+                normals::take_over(&mut prepared.mesh, &places, &normals);
+            }
+            drop((places, normals));
             let built = self.build(prepared, textures)?;
             let over = built.error.rms_rel / built.error.target_rel;
             if over <= 1.0 || !has_less {

@@ -27,6 +27,14 @@ pub struct Closest {
     pub point: DVec3,
 }
 
+/// The same, by where the triangle is in the tree.
+#[derive(Debug, Clone, Copy)]
+struct Found {
+    distance2: f64,
+    slot: u32,
+    point: DVec3,
+}
+
 /// Bounding-volume hierarchy over the triangles of one mesh; owns a copy of them.
 #[derive(Debug, Clone)]
 pub struct Bvh {
@@ -135,10 +143,49 @@ impl Bvh {
         if self.nodes.is_empty() || !point.is_finite() {
             return None;
         }
+        let found = self.search(point, None, max_distance2)?;
+        Some(self.told(&found))
+    }
+
+    /// The nearest point of the mesh; `None` for an empty tree and for a point that is not finite.
+    ///
+    /// `hint` is looked at first, and set to what was found: keep it from one point to the next that is near it. Start with any.
+    pub fn closest_from(&self, point: DVec3, hint: &mut u32) -> Option<Closest> {
+        if self.nodes.is_empty() || !point.is_finite() {
+            return None;
+        }
+        let slot = if (*hint as usize) < self.triangles.len() {
+            *hint
+        } else {
+            0
+        };
+        let first = self.found(slot, point);
+        let found = self.search(point, Some(first), first.distance2)?;
+        *hint = found.slot;
+        Some(self.told(&found))
+    }
+
+    fn found(&self, slot: u32, point: DVec3) -> Found {
+        let nearest = closest_point(self.corners(slot), point);
+        Found {
+            distance2: nearest.distance_squared(point),
+            slot,
+            point: nearest,
+        }
+    }
+
+    fn told(&self, found: &Found) -> Closest {
+        Closest {
+            distance2: found.distance2,
+            triangle: self.input_index[found.slot as usize],
+            point: found.point,
+        }
+    }
+
+    /// What is nearer than `best`; without it, no farther than the root of `bound2`.
+    fn search(&self, point: DVec3, mut best: Option<Found>, mut bound2: f64) -> Option<Found> {
         let in_frame = self.frame.apply(point);
         let frame2 = self.frame.scale * self.frame.scale * SLACK;
-        let mut best: Option<Closest> = None;
-        let mut bound2 = max_distance2;
         let mut stack = [(0.0, 0_u32); STACK];
         let mut depth = 0;
         let mut current = 0;
@@ -162,16 +209,10 @@ impl Bvh {
                     continue;
                 }
                 for slot in first..first + count {
-                    let found = closest_point(self.corners(slot), point);
-                    let found2 = found.distance_squared(point);
-                    if found2 < bound2 || (best.is_none() && found2 <= bound2) {
-                        bound2 = found2;
-                        let triangle = self.input_index[slot as usize];
-                        best = Some(Closest {
-                            distance2: found2,
-                            triangle,
-                            point: found,
-                        });
+                    let found = self.found(slot, point);
+                    if found.distance2 < bound2 || (best.is_none() && found.distance2 <= bound2) {
+                        bound2 = found.distance2;
+                        best = Some(found);
                     }
                 }
             }

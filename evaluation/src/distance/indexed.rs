@@ -1,8 +1,6 @@
 //! A mesh that is measured more than once.
 
-use super::{
-    Bvh, CHUNK, Closest, Coherent, Distances, Mesh, MeshError, OneWay, Sums, of_both, one_way,
-};
+use super::{Bvh, CHUNK, Closest, Distances, Mesh, MeshError, OneWay, Sums, of_both, one_way};
 use glam::DVec3;
 use rayon::prelude::*;
 
@@ -39,8 +37,9 @@ impl<'a> Indexed<'a> {
     /// By point, the nearest of this mesh; `None` where the point is not finite. Quicker where points follow one another on a surface.
     pub fn nearest(&self, points: &[DVec3]) -> Vec<Option<Closest>> {
         let chunks = points.par_chunks(CHUNK).flat_map_iter(|chunk| {
-            let mut near = Coherent::new(&self.tree);
-            chunk.iter().map(move |&point| near.closest(point))
+            let mut hint = 0;
+            let of = move |&point: &DVec3| self.tree.closest_from(point, &mut hint);
+            chunk.iter().map(of)
         });
         chunks.collect()
     }
@@ -50,9 +49,10 @@ impl<'a> Indexed<'a> {
         let chunks: Vec<Sums> = points
             .par_chunks(CHUNK)
             .map(|chunk| {
-                let mut near = Coherent::new(&self.tree);
+                let mut hint = 0;
                 let mut sums = Sums::default();
-                for closest in chunk.iter().filter_map(|&point| near.closest(point)) {
+                let mut of = |&point: &DVec3| self.tree.closest_from(point, &mut hint);
+                for closest in chunk.iter().filter_map(&mut of) {
                     sums.add(closest.distance2);
                 }
                 sums

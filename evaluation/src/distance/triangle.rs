@@ -6,21 +6,27 @@
 
 use glam::DVec3;
 
-/// A triangle whose doubled area is below this part of its longest edge squared is a sliver.
+/// A triangle whose doubled area is below this part of the square of its longest edge, or a little more, is a sliver.
 const SLIVER: f64 = 1e-7;
 
 /// Point of `triangle` nearest to `point`. The result is always in the triangle, also where that is a segment
 /// or a point.
+#[inline]
 pub fn closest_point(triangle: [DVec3; 3], point: DVec3) -> DVec3 {
     let [a, b, c] = triangle;
     let (ab, ac) = (b - a, c - a);
-    let longest2 = ab
-        .length_squared()
-        .max(ac.length_squared())
-        .max(b.distance_squared(c));
+    // No edge is longer than both of these together.
+    let longest2 = 2.0 * (ab.length_squared() + ac.length_squared());
     if ab.cross(ac).length_squared() > SLIVER * SLIVER * longest2 * longest2 {
-        return by_regions(triangle, point);
+        by_regions(triangle, point)
+    } else {
+        of_sliver(triangle, point)
     }
+}
+
+#[cold]
+fn of_sliver(triangle: [DVec3; 3], point: DVec3) -> DVec3 {
+    let [a, b, c] = triangle;
     let mut best = segment(a, b, point);
     for candidate in [
         segment(b, c, point),
@@ -40,6 +46,7 @@ pub fn normal([a, b, c]: [DVec3; 3]) -> Option<DVec3> {
     (b - a).cross(c - a).try_normalize()
 }
 
+#[inline]
 fn by_regions([a, b, c]: [DVec3; 3], point: DVec3) -> DVec3 {
     let (ab, ac) = (b - a, c - a);
     let ap = point - a;

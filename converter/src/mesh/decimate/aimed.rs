@@ -5,7 +5,8 @@
 //! What comes near what is wanted is fitted to the source ([`mod@crate::mesh::refit`]) before it is measured, which leaves room for more.
 
 use super::{Decimated, Limits, Pass, area, moved};
-use crate::mesh::refit::refit;
+use crate::mesh::normals::vertex_normals;
+use crate::mesh::refit::{Cloud, Refit, Shading, refit};
 use crate::mesh::{WeldedMesh, weld};
 use glam::DVec3;
 use marquetry_evaluation::distance::{self, Indexed, MeshError};
@@ -46,22 +47,46 @@ const BOUND_TORN: f64 = 8.0;
 /// A pass that takes fewer triangles than one of so many has nothing more to gain.
 const FEWEST: usize = 30;
 
+/// What is left of a mesh.
+#[derive(Debug, Clone)]
+pub struct Aimed {
+    /// Its triangles.
+    pub mesh: WeldedMesh,
+    /// Normals of its vertices that are nearest to those of the source, of length 1 or zero; none where it was not fitted.
+    pub normals: Vec<DVec3>,
+    /// What was done.
+    pub decimated: Decimated,
+}
+
+impl Aimed {
+    /// All of a mesh.
+    pub fn whole(mesh: WeldedMesh) -> Self {
+        Self {
+            mesh,
+            normals: Vec::new(),
+            decimated: Decimated::default(),
+        }
+    }
+}
+
 /// What is left of a mesh without colours when as many triangles are gone as an RMS distance of `wanted`, a length, from it allows.
 ///
 /// An owned mesh is freed after the first pass; what is made of it is not fitted, and neither is what is torn: what is nearest there is often another
 /// sheet. The same for any number of threads.
-pub fn aimed(source: Cow<'_, WeldedMesh>, wanted: f64, is_torn: bool) -> (WeldedMesh, Decimated) {
+pub fn aimed(source: Cow<'_, WeldedMesh>, wanted: f64, is_torn: bool) -> Aimed {
     let bound = if is_torn { BOUND_TORN } else { BOUND };
     let mut decimated = Decimated::default();
     let (triangles, area_before) = (source.triangles.len(), area(&source));
     // What is welded has indices in range and finite places; anything else stays as it is.
     let Ok(samples) = Samples::of(&source) else {
-        return (source.into_owned(), decimated);
+        return Aimed::whole(source.into_owned());
     };
     let kept = match &source {
         Cow::Borrowed(source) if !is_torn => Some(*source),
         _ => None,
     };
+    let normals = kept.map_or(Vec::new(), |source| vertex_normals(source.surface()));
+    let mut shading = Shading::default();
     let mut mesh = source;
     let mut limit = FIRST * wanted;
     for number in 0..PASSES {
@@ -83,11 +108,11 @@ pub fn aimed(source: Cow<'_, WeldedMesh>, wanted: f64, is_torn: bool) -> (Welded
         moved(&mut after.positions, &pass.moved);
         weld::drop_unused(&mut after.positions, &mut after.triangles);
         let mut reached = samples.rms(&after, wanted);
-        let (apart, mut farthest) = (reached / wanted, 0.0);
+        let (apart, mut fitted) = (reached / wanted, Refit::default());
         if let Some(source) = kept.filter(|_| apart >= FITTED) {
             let count = (FITTED_TO * after.triangles.len()).min(MOST_FITTED_TO);
-            if let Ok(points) = distance::samples(source.surface(), count as u64) {
-                farthest = refit(&mut after, &points, |_| false);
+            if let Ok(cloud) = Cloud::on(source.surface(), &normals, count as u64) {
+                fitted = refit(&mut after, &cloud, |_| false);
                 reached = samples.rms(&after, wanted);
             }
         }
@@ -104,8 +129,9 @@ pub fn aimed(source: Cow<'_, WeldedMesh>, wanted: f64, is_torn: bool) -> (Welded
         let further = AIM * wanted / reached.max(f64::MIN_POSITIVE);
         if reached <= wanted {
             decimated.rms = reached;
-            decimated.bound += pass.bound + farthest;
+            decimated.bound += pass.bound + fitted.farthest;
             mesh = Cow::Owned(after);
+            shading = fitted.shading;
             if is_last && number > 0 || reached >= ENOUGH * wanted {
                 break;
             }
@@ -116,7 +142,20 @@ pub fn aimed(source: Cow<'_, WeldedMesh>, wanted: f64, is_torn: bool) -> (Welded
     }
     decimated.triangles = triangles - mesh.triangles.len();
     decimated.area = area_before - area(&mesh);
-    (mesh.into_owned(), decimated)
+    let mesh = mesh.into_owned();
+    let mut normals = Vec::new();
+    if !shading.is_empty() {
+        normals = vertex_normals(mesh.surface());
+        for normal in &mut normals {
+            *normal = normal.normalize_or_zero();
+        }
+        shading.fit(&mesh.triangles, &mut normals, |_| false);
+    }
+    Aimed {
+        mesh,
+        normals,
+        decimated,
+    }
 }
 
 /// Points of the source.

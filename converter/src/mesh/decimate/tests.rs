@@ -1,4 +1,5 @@
 use super::*;
+use crate::mesh::normals::vertex_normals;
 use crate::mesh::{ImportedMesh, ManifoldMesh, orient, weld};
 use marquetry_evaluation::distance;
 use std::borrow::Cow;
@@ -171,7 +172,11 @@ fn aimed_decimation_comes_near_what_is_wanted_and_not_above() {
         let source = torus(300, 200, noise);
         let wanted = 1e-3;
         let (welded, mut account) = weld(source.clone()).unwrap();
-        let (mesh, report) = aimed(Cow::Borrowed(&welded), wanted, false);
+        let Aimed {
+            mesh,
+            decimated: report,
+            ..
+        } = aimed(Cow::Borrowed(&welded), wanted, false);
         assert_eq!(report.triangles + mesh.triangles.len(), 120_000);
         account.decimated = report;
         let manifold = orient(mesh, &mut account);
@@ -188,7 +193,11 @@ fn aimed_decimation_comes_near_what_is_wanted_and_not_above() {
 #[test]
 fn aimed_decimation_leaves_what_has_nothing_to_spare() {
     let source = weld(torus(60, 40, 5e-2)).unwrap().0;
-    let (mesh, report) = aimed(Cow::Borrowed(&source), 1e-6, true);
+    let Aimed {
+        mesh,
+        decimated: report,
+        ..
+    } = aimed(Cow::Borrowed(&source), 1e-6, true);
     assert!(mesh.triangles.len() > 4700, "{report:?}");
     assert!(report.rms <= 1e-6);
 }
@@ -203,12 +212,36 @@ fn threads_do_not_change_aimed_decimation() {
             .unwrap();
         pool.install(|| aimed(Cow::Borrowed(&source), 1e-3, false))
     };
-    let ((one, first), (two, second)) = (run(1), run(3));
+    let (one, two) = (run(1), run(3));
     assert_eq!(
-        (one.triangles, one.positions),
-        (two.triangles, two.positions)
+        (one.mesh.triangles, one.mesh.positions, one.normals),
+        (two.mesh.triangles, two.mesh.positions, two.normals)
     );
-    assert_eq!(first, second);
+    assert_eq!(one.decimated, two.decimated);
+}
+
+/// Interpolated over its triangles, against those of the torus itself.
+#[test]
+fn normals_of_what_is_left_are_nearer_to_the_sources_than_those_of_its_faces() {
+    let source = weld(torus(300, 200, 0.0)).unwrap().0;
+    let Aimed { mesh, normals, .. } = aimed(Cow::Borrowed(&source), 1e-3, false);
+    assert!(mesh.triangles.len() < 12_000);
+    let deviation = |normals: &[DVec3]| {
+        let (mut squares, mut count) = (0.0, 0.0);
+        for t in &mesh.triangles {
+            let middle = t.map(|v| mesh.positions[v as usize]);
+            let middle = middle.into_iter().sum::<DVec3>() / 3.0;
+            let ring = middle.with_z(0.0).normalize_or_zero();
+            let told = t.map(|v| normals[v as usize].normalize_or_zero());
+            let told = told.into_iter().sum::<DVec3>().normalize_or_zero();
+            squares += told.distance_squared((middle - ring).normalize_or_zero());
+            count += 1.0;
+        }
+        (squares / count).sqrt()
+    };
+    let of_faces = deviation(&vertex_normals(mesh.surface()));
+    let fitted = deviation(&normals);
+    assert!(fitted < 0.5 * of_faces, "{fitted} {of_faces}");
 }
 
 /// A sheet of `cells`² cells; of every `tear`² cells one is missing.

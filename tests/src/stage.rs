@@ -167,6 +167,11 @@ pub fn holes(image: Image<'_>, inside: &Mask) -> Vec<(usize, usize)> {
         .collect()
 }
 
+/// Whether tests are to look from everywhere (`MARQUETRY_ALL_VIEWS=1`), and not from as many places as do for a change.
+pub fn wants_all_views() -> bool {
+    std::env::var_os("MARQUETRY_ALL_VIEWS").is_some_and(|wanted| wanted == "1")
+}
+
 /// A number in [0, 1) that depends on `seed` and `counter` alone.
 pub fn unit(seed: u64, counter: u64) -> f64 {
     (bits(seed, counter) >> 11) as f64 / (1_u64 << 53) as f64

@@ -11,7 +11,7 @@ use marquetry_engine::{Background, ViewerOptions, Viewport};
 use marquetry_evaluation::image::Image;
 use marquetry_native::Headless;
 use marquetry_tests::raster::{AROUND_FOUR_SAMPLES, coverage};
-use marquetry_tests::stage::{MAGENTA, Stage, bits, holes};
+use marquetry_tests::stage::{MAGENTA, Stage, bits, holes, wants_all_views};
 use marquetry_tests::{BOTH_WAYS, WITH_CHARTS, arguments, convert, data, marquetry, meshes, ply};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -36,8 +36,7 @@ fn options(error_px: f64) -> ViewerOptions {
 
 /// Whether a view from a distance is looked at in a state of the cache: all where that is asked for, or a third of them, others in each state.
 fn is_looked_at(state: usize, view: usize, distance: usize) -> bool {
-    let all = std::env::var_os("MARQUETRY_ALL_VIEWS").is_some_and(|wanted| wanted == "1");
-    all || (state + view + distance).is_multiple_of(DISTANCES.len())
+    wants_all_views() || (state + view + distance).is_multiple_of(DISTANCES.len())
 }
 
 /// Draws pictures of a file and asserts that none has a hole.

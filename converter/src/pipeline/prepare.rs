@@ -122,12 +122,11 @@ impl Conversion<'_> {
             };
             account.decimated = decimated;
             let has_less = decimated.triangles > 0;
-            let places = mesh.positions.clone();
+            let found = (!normals.is_empty()).then(|| (mesh.positions.clone(), normals));
             let mut prepared = self.oriented(mesh, account, false, Origin::Kept(source), true)?;
-            if !normals.is_empty() {
+            if let Some((places, normals)) = found {
                 normals::take_over(&mut prepared.mesh, &places, &normals);
             }
-            drop((places, normals));
             let built = self.build(prepared, textures)?;
             let over = built.error.rms_rel / built.error.target_rel;
             if over <= 1.0 || !has_less {

@@ -9,6 +9,7 @@
 //! have triangles, as CAD models do ([`select::Selection::take_all`]), or are torn to shreds, as photogrammetry can be.
 
 pub mod bound;
+mod creases;
 mod direct;
 mod graph;
 mod group;

@@ -1,15 +1,14 @@
 //! Components on the lattice, packed into leaves.
 //!
 //! A component's triangles stay as they are, with their corners rounded to the lattice; those that lose their extent are
-//! left out, and what that moves is in the leaf's error. Normals are those of the mesh, but for creases: vertices whose faces turn
-//! more than `CREASE` away from them, into up to three directions that each are clear. There each face sees only those of about its own direction,
-//! so that a cube is not lit like a ball. Where directions are not clear the surface is rough, and only faces of a direction that has most of the
-//! area do, so that a wall is not lit like the rubble at its foot.
+//! left out, and what that moves is in the leaf's error. Normals are those of the mesh, but for creases (`creases`), where each face sees only
+//! those of about its own direction, so that a cube is not lit like a ball.
 //! Components follow each other along a Hilbert curve, and fill one leaf after the other. One that does not fit a leaf is halved
 //! until its parts do, which `group` puts together again.
 
 use super::Room;
 use super::bound::{Target, hausdorff};
+use super::creases::{self, Creases};
 use super::graph::Graph;
 use super::group;
 use super::shape::{Shape, Vertex, point};
@@ -23,15 +22,6 @@ use marquetry_format::cluster::{
 use marquetry_format::lattice::LATTICE_BITS;
 use marquetry_format::{Lattice, octahedral};
 use rayon::prelude::*;
-
-/// Cosine of the angle (40°) up to which faces share a normal.
-const CREASE: f64 = 0.766;
-/// Cosine of the angle (20°) up to which faces have one direction.
-const CLEAR: f64 = 0.94;
-/// Part of the area around a vertex that faces of one direction have which keep it whatever the others do.
-const DOMINANT: f64 = 0.9;
-/// Directions of faces at a vertex on a crease, at most: those of a corner.
-const DIRECTIONS: usize = 3;
 
 /// Most triangles of a component: even if no two nodes become one, there are as few as a node has children.
 pub const MOST_TRIANGLES: usize = MAX_CLUSTER_CHILDREN * MAX_CLUSTER_TRIANGLES / 2;
@@ -72,10 +62,11 @@ enum Placed {
 /// space-filling curve.
 pub(super) fn nodes(source: &Source<'_>, components: &[Vec<u32>]) -> (Graph, Vec<u32>) {
     let Source { room, colours, .. } = *source;
+    let is_angular = creases::is_angular(source.mesh, &components.concat());
     let mut found: Vec<(u64, Placed)> = components
         .par_iter()
         .map(|component| {
-            let component = Component::new(source, component);
+            let component = Component::new(source, component, is_angular);
             (component.key(), component.placed())
         })
         .collect();
@@ -117,46 +108,6 @@ fn fits_together(shape: &Shape, other: &Shape, room: Room) -> bool {
         both.append(other);
         both.fits(room)
     }
-}
-
-/// A vertex whose faces turn far from its normal.
-struct Crease {
-    vertex: u32,
-    /// Whether they turn into a few clear directions.
-    is_clear: bool,
-}
-
-/// Normal of a face, twice its area long.
-fn face_vector(mesh: &ManifoldMesh, t: u32) -> DVec3 {
-    let [a, b, c] = mesh.triangles[t as usize].map(|v| mesh.positions[v as usize]);
-    (b - a).cross(c - a)
-}
-
-/// The vertex that `faces`, pairs of it and a face, are around, if they turn far from its normal.
-fn crease(mesh: &ManifoldMesh, faces: &[[u32; 2]]) -> Option<Crease> {
-    let &[vertex, _] = faces.first()?;
-    let normals = faces
-        .iter()
-        .map(|&[_, f]| face_vector(mesh, f).normalize_or_zero());
-    let normals: Vec<DVec3> = normals.filter(|&n| n != DVec3::ZERO).collect();
-    let of_all = mesh.normals[vertex as usize];
-    if normals.iter().all(|n| n.dot(of_all) >= CREASE) {
-        return None;
-    }
-    let is_clear = |own: &DVec3| {
-        let alike = normals.iter().filter(|n| n.dot(*own) >= CREASE);
-        alike.sum::<DVec3>().normalize_or_zero().dot(*own) >= CLEAR
-    };
-    let mut directions: Vec<DVec3> = Vec::new();
-    for &n in &normals {
-        if directions.iter().all(|other| other.dot(n) < CREASE) {
-            directions.push(n);
-        }
-    }
-    Some(Crease {
-        vertex,
-        is_clear: directions.len() <= DIRECTIONS && normals.iter().all(is_clear),
-    })
 }
 
 /// Divides `items`, of which there are at least two, across the longest extent of their centres into two parts, so that as few parts of
@@ -201,12 +152,11 @@ struct Component<'a> {
     faces: Vec<[u32; 2]>,
     /// Number of vertices.
     vertices: usize,
-    /// Vertices whose faces turn far from their normals, ascending.
-    creases: Vec<Crease>,
+    creases: Creases,
 }
 
 impl<'a> Component<'a> {
-    fn new(source: &'a Source<'a>, triangles: &'a [u32]) -> Self {
+    fn new(source: &'a Source<'a>, triangles: &'a [u32], is_angular: bool) -> Self {
         let Source { mesh, lattice, .. } = *source;
         let corners = |&t: &u32| mesh.triangles[t as usize].map(|v| [v, t]);
         let mut faces: Vec<[u32; 2]> = triangles.iter().flat_map(corners).collect();
@@ -218,7 +168,11 @@ impl<'a> Component<'a> {
             triangles,
             lattice,
             vertices: around().count(),
-            creases: around().filter_map(|faces| crease(mesh, faces)).collect(),
+            creases: if is_angular {
+                Creases::of(mesh, around())
+            } else {
+                Creases::default()
+            },
             faces,
         }
     }
@@ -337,26 +291,11 @@ impl<'a> Component<'a> {
 
     /// Vertex `v` as face `t` sees it.
     fn vertex(&self, v: u32, t: u32, creased: bool) -> Vertex {
-        let mut normal = self.mesh.normals[v as usize];
-        let crease = self
-            .creases
-            .binary_search_by_key(&v, |crease| crease.vertex);
-        if let Some(crease) = crease.ok().filter(|_| creased) {
-            let is_clear = self.creases[crease].is_clear;
-            let own = face_vector(self.mesh, t).normalize_or_zero();
-            let (mut alike, mut area, mut whole) = (DVec3::ZERO, 0.0, 0.0);
-            for face in self.around(v).map(|f| face_vector(self.mesh, f)) {
-                let (unit, length) = (face.normalize_or_zero(), face.length());
-                whole += length;
-                if unit.dot(own) >= CREASE {
-                    area += length;
-                    alike += unit;
-                }
-            }
-            if is_clear || area > DOMINANT * whole {
-                normal = alike.normalize_or(normal);
-            }
-        }
+        let normal = if creased {
+            self.creases.normal(self.mesh, [v, t], self.around(v))
+        } else {
+            self.mesh.normals[v as usize]
+        };
         let colour = self.mesh.colours.get(v as usize).copied();
         (
             self.rounded(v),

@@ -24,8 +24,8 @@ pub use aimed::{Aimed, MOST_KEPT, aimed};
 
 use super::adjacency::{EdgeTable, UnionFind, id};
 use super::{NONE, WeldedMesh, bounds, weld};
-use collapse::{Collapsed, Limits};
-use glam::DVec3;
+use collapse::{Collapsed, Limits, Moved};
+use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 
 /// Triangles up to which a mesh is left alone; about half as many are left of a larger one that is smooth.
@@ -115,15 +115,18 @@ pub fn decimate(mesh: &mut WeldedMesh, goal: Goal) -> (Decimated, Vec<DVec3>) {
     let limits = Limits {
         edge: SHORT * edge,
         rms,
+        normals: 0.0,
         bound,
         notes_gone: true,
     };
     for origin in [0.0, 0.6] {
-        let pass = Pass::over(mesh, limits, origin);
+        let pass = Pass::over(mesh, &[], limits, origin);
         decimated.bound += pass.bound;
         decimated.rms += pass.rms();
         mesh.triangles = pass.triangles;
-        moved(&mut mesh.positions, &pass.moved);
+        for moved in &pass.moved {
+            mesh.positions[moved.vertex as usize] = moved.place;
+        }
         if gone.is_empty() {
             // Those of the second pass are no vertices of the source.
             gone = pass.gone;
@@ -138,8 +141,7 @@ pub fn decimate(mesh: &mut WeldedMesh, goal: Goal) -> (Decimated, Vec<DVec3>) {
 /// What collapses in all blocks of a mesh leave of it.
 struct Pass {
     triangles: Vec<[u32; 3]>,
-    /// New places of vertices.
-    moved: Vec<(u32, DVec3)>,
+    moved: Vec<Moved>,
     /// Bound of the distance that the surface moved.
     bound: f64,
     /// Some of the vertices taken away, and the sum of their squared distances.
@@ -148,8 +150,9 @@ struct Pass {
 }
 
 impl Pass {
-    /// Collapses edges of all blocks of `mesh`, on a curve whose cells start `origin` of the extent below it.
-    fn over(mesh: &WeldedMesh, limits: Limits, origin: f64) -> Self {
+    /// Collapses edges of all blocks of `mesh`, on a curve whose cells start `origin` of the extent below it. `normals` are those of
+    /// its vertices, or none.
+    fn over(mesh: &WeldedMesh, normals: &[Vec3], limits: Limits, origin: f64) -> Self {
         /// Of a vertex that several blocks have.
         const SHARED: u32 = NONE - 1;
         let order = along_curve(mesh, origin);
@@ -173,7 +176,7 @@ impl Pass {
                 let triangles: Vec<[u32; 3]> =
                     block.iter().map(|&t| mesh.triangles[t as usize]).collect();
                 let is_shared = |v: u32| owner[v as usize] == SHARED;
-                collapse::collapse(&mesh.positions, &triangles, is_shared, limits)
+                collapse::collapse(&mesh.positions, normals, &triangles, is_shared, limits)
             })
             .collect();
         drop((order, owner));
@@ -197,13 +200,6 @@ impl Pass {
     /// RMS distance of the vertices taken away.
     fn rms(&self) -> f64 {
         (self.squares / self.gone.len().max(1) as f64).sqrt()
-    }
-}
-
-/// Puts vertices to new places.
-fn moved(positions: &mut [DVec3], places: &[(u32, DVec3)]) {
-    for &(v, place) in places {
-        positions[v as usize] = place;
     }
 }
 

@@ -4,11 +4,11 @@
 //! what it did is measured against the source, and the next ones are given what is left. One that goes too far is taken back.
 //! What comes near what is wanted is fitted to the source ([`mod@crate::mesh::refit`]) before it is measured, which leaves room for more.
 
-use super::{Decimated, Limits, Pass, area, moved};
+use super::{Decimated, Limits, Pass, area};
 use crate::mesh::normals::vertex_normals;
 use crate::mesh::refit::{Cloud, Refit, Shading, refit};
-use crate::mesh::{WeldedMesh, weld};
-use glam::DVec3;
+use crate::mesh::{NONE, WeldedMesh, weld};
+use glam::{DVec3, Vec3};
 use marquetry_evaluation::distance::{self, Indexed, MeshError};
 use std::borrow::Cow;
 
@@ -44,6 +44,10 @@ const LEAST_STEP: f64 = 0.88;
 const BOUND: f64 = 30.0;
 /// The same of a torn mesh, where large faces have the area and small detail is what moves, as far as it may.
 const BOUND_TORN: f64 = 8.0;
+/// What a unit of normal is to a pass, over the RMS distance wanted.
+const NORMALS: f64 = 8.0;
+/// Cosine between a vertex's own normal and the one that it was left with, at least.
+const ALIKE: f64 = 0.7;
 /// A pass that takes fewer triangles than one of so many has nothing more to gain.
 const FEWEST: usize = 30;
 
@@ -52,7 +56,7 @@ const FEWEST: usize = 30;
 pub struct Aimed {
     /// Its triangles.
     pub mesh: WeldedMesh,
-    /// Normals of its vertices that are nearest to those of the source, of length 1 or zero; none where it was not fitted.
+    /// Normals of its vertices that are nearest to those of the source, of length 1 or zero; none where nothing is gone, or the source was not kept.
     pub normals: Vec<DVec3>,
     /// What was done.
     pub decimated: Decimated,
@@ -71,8 +75,8 @@ impl Aimed {
 
 /// What is left of a mesh without colours when as many triangles are gone as an RMS distance of `wanted`, a length, from it allows.
 ///
-/// An owned mesh is freed after the first pass; what is made of it is not fitted, and neither is what is torn: what is nearest there is often another
-/// sheet. The same for any number of threads.
+/// An owned mesh is freed after the first pass; what is made of it is not fitted, and its normals count for nothing. What is torn is not fitted either: what is nearest there is often another
+/// sheet. Its vertices have the normals that collapses leave them. The same for any number of threads.
 pub fn aimed(source: Cow<'_, WeldedMesh>, wanted: f64, is_torn: bool) -> Aimed {
     let bound = if is_torn { BOUND_TORN } else { BOUND };
     let mut decimated = Decimated::default();
@@ -85,7 +89,12 @@ pub fn aimed(source: Cow<'_, WeldedMesh>, wanted: f64, is_torn: bool) -> Aimed {
         Cow::Borrowed(source) if !is_torn => Some(*source),
         _ => None,
     };
-    let normals = kept.map_or(Vec::new(), |source| vertex_normals(source.surface()));
+    let normals = match &source {
+        Cow::Borrowed(source) => vertex_normals(source.surface()),
+        Cow::Owned(_) => Vec::new(),
+    };
+    let unit = |n: &DVec3| n.normalize_or_zero().as_vec3();
+    let mut carried: Vec<Vec3> = normals.iter().map(unit).collect();
     let mut shading = Shading::default();
     let mut mesh = source;
     let mut limit = FIRST * wanted;
@@ -93,20 +102,16 @@ pub fn aimed(source: Cow<'_, WeldedMesh>, wanted: f64, is_torn: bool) -> Aimed {
         let limits = Limits {
             edge: f64::INFINITY,
             rms: limit,
+            normals: NORMALS * wanted,
             bound: bound * wanted,
             notes_gone: false,
         };
         // Other blocks each time.
-        let pass = Pass::over(&mesh, limits, (0.6 * f64::from(number)).fract());
+        let pass = Pass::over(&mesh, &carried, limits, (0.6 * f64::from(number)).fract());
         let count = mesh.triangles.len();
         let is_last = count - pass.triangles.len() < count / FEWEST;
-        let mut after = WeldedMesh {
-            positions: mesh.positions.clone(),
-            colours: Vec::new(),
-            triangles: pass.triangles,
-        };
-        moved(&mut after.positions, &pass.moved);
-        weld::drop_unused(&mut after.positions, &mut after.triangles);
+        let pass_bound = pass.bound;
+        let (mut after, carried_after) = left(&mesh, &carried, pass);
         let mut reached = samples.rms(&after, wanted);
         let (apart, mut fitted) = (reached / wanted, Refit::default());
         if let Some(source) = kept.filter(|_| apart >= FITTED) {
@@ -129,8 +134,9 @@ pub fn aimed(source: Cow<'_, WeldedMesh>, wanted: f64, is_torn: bool) -> Aimed {
         let further = AIM * wanted / reached.max(f64::MIN_POSITIVE);
         if reached <= wanted {
             decimated.rms = reached;
-            decimated.bound += pass.bound + fitted.farthest;
+            decimated.bound += pass_bound + fitted.farthest;
             mesh = Cow::Owned(after);
+            carried = carried_after;
             shading = fitted.shading;
             if is_last && number > 0 || reached >= ENOUGH * wanted {
                 break;
@@ -144,10 +150,10 @@ pub fn aimed(source: Cow<'_, WeldedMesh>, wanted: f64, is_torn: bool) -> Aimed {
     decimated.area = area_before - area(&mesh);
     let mesh = mesh.into_owned();
     let mut normals = Vec::new();
-    if !shading.is_empty() {
-        normals = vertex_normals(mesh.surface());
-        for normal in &mut normals {
-            *normal = normal.normalize_or_zero();
+    if decimated.triangles > 0 && !carried.is_empty() {
+        normals = unit_normals(&mesh);
+        if shading.is_empty() {
+            take_alike(&mut normals, &carried);
         }
         shading.fit(&mesh.triangles, &mut normals, |_| false);
     }
@@ -155,6 +161,42 @@ pub fn aimed(source: Cow<'_, WeldedMesh>, wanted: f64, is_torn: bool) -> Aimed {
         mesh,
         normals,
         decimated,
+    }
+}
+
+/// What a pass leaves of a mesh, and of the normals of its vertices, if there are any.
+fn left(mesh: &WeldedMesh, normals: &[Vec3], pass: Pass) -> (WeldedMesh, Vec<Vec3>) {
+    let mut after = WeldedMesh {
+        positions: mesh.positions.clone(),
+        colours: Vec::new(),
+        triangles: pass.triangles,
+    };
+    let mut normals = normals.to_vec();
+    for moved in pass.moved {
+        after.positions[moved.vertex as usize] = moved.place;
+        if let Some(normal) = normals.get_mut(moved.vertex as usize) {
+            *normal = moved.normal;
+        }
+    }
+    let numbers = weld::drop_unused(&mut after.positions, &mut after.triangles);
+    let mut numbers = numbers.iter();
+    normals.retain(|_| numbers.next().is_some_and(|&number| number != NONE));
+    (after, normals)
+}
+
+/// Normals of vertices by the faces around them, of length 1 or zero.
+fn unit_normals(mesh: &WeldedMesh) -> Vec<DVec3> {
+    let normals = vertex_normals(mesh.surface());
+    normals.into_iter().map(DVec3::normalize_or_zero).collect()
+}
+
+/// Takes the normals of `others` that are about like those that there are.
+fn take_alike(normals: &mut [DVec3], others: &[Vec3]) {
+    for (normal, other) in normals.iter_mut().zip(others) {
+        let other = other.as_dvec3();
+        if other.dot(*normal) >= ALIKE {
+            *normal = other;
+        }
     }
 }
 

@@ -4,7 +4,7 @@ use super::super::NONE;
 use super::super::adjacency::id;
 use super::change::{Change, opposite};
 use super::quadric::Quadric;
-use glam::DVec3;
+use glam::{DVec3, Vec3};
 use marquetry_evaluation::distance::Bvh;
 
 /// What collapses may do; lengths.
@@ -12,8 +12,10 @@ use marquetry_evaluation::distance::Bvh;
 pub(super) struct Limits {
     /// Edges from this length on stay.
     pub(super) edge: f64,
-    /// Root of the mean squared distance from the planes of all triangles merged at a vertex.
+    /// Root of the mean squared distance from the planes and normals of all triangles merged at a vertex.
     pub(super) rms: f64,
+    /// What a unit of normal is in that.
+    pub(super) normals: f64,
     /// Guaranteed distance.
     pub(super) bound: f64,
     /// Whether some of the vertices taken away are measured.
@@ -25,14 +27,23 @@ pub(super) struct Limits {
 pub(super) struct Collapsed {
     /// Triangles that are left, vertices numbered as before.
     pub(super) triangles: Vec<[u32; 3]>,
-    /// New places of vertices that are left.
-    pub(super) moved: Vec<(u32, DVec3)>,
+    /// Those of its vertices that went to other places.
+    pub(super) moved: Vec<Moved>,
     /// Bound of the distance between what was and what is.
     pub(super) bound: f64,
     /// Some of the vertices that were taken away.
     pub(super) gone: Vec<DVec3>,
     /// Sum of their squared distances from what is left.
     pub(super) squares: f64,
+}
+
+/// A vertex that several became.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Moved {
+    pub(super) vertex: u32,
+    pub(super) place: DVec3,
+    /// The mean of those that there were, as they go on to there; of length 1 or zero.
+    pub(super) normal: Vec3,
 }
 
 /// Rounds of collapses, at most; the last ones find little.
@@ -42,9 +53,11 @@ const FEWEST: usize = 500;
 /// One of so many vertices taken away is noted.
 const NOTED: usize = 8;
 
-/// Collapses short edges of `triangles`; vertices that are shared or on borders stay where they are.
+/// Collapses short edges of `triangles`; vertices that are shared or on borders stay where they are. Without `normals` of all vertices these
+/// count for nothing.
 pub(super) fn collapse(
     positions: &[DVec3],
+    normals: &[Vec3],
     triangles: &[[u32; 3]],
     is_shared: impl Fn(u32) -> bool,
     limits: Limits,
@@ -59,7 +72,14 @@ pub(super) fn collapse(
         .collect();
     let local = |v: u32| ids.binary_search(&v).map_or(NONE, id);
     let own: Vec<[u32; 3]> = triangles.iter().map(|t| t.map(local)).collect();
-    let mut block = Block::new(places, own, limits);
+    let normals: Vec<DVec3> = (ids.iter())
+        .map(|&v| {
+            normals
+                .get(v as usize)
+                .map_or(DVec3::ZERO, |n| limits.normals * n.as_dvec3())
+        })
+        .collect();
+    let mut block = Block::new(places, &normals, own, limits);
     for (v, &global) in ids.iter().enumerate() {
         block.held[v] = is_shared(global) || !block.is_inside(id(v));
     }
@@ -85,7 +105,12 @@ pub(super) fn collapse(
     }
     for (v, &global) in ids.iter().enumerate().filter(|&(v, _)| left[v]) {
         if block.positions[v] != before[v] {
-            collapsed.moved.push((global, block.positions[v] + origin));
+            let place = block.positions[v];
+            collapsed.moved.push(Moved {
+                vertex: global,
+                place: place + origin,
+                normal: block.quadrics[v].normal(place).as_vec3(),
+            });
         }
     }
     collapsed.triangles = alive.iter().map(|t| t.map(|v| ids[v as usize])).collect();
@@ -121,12 +146,20 @@ pub(super) struct Block {
 }
 
 impl Block {
-    fn new(positions: Vec<DVec3>, triangles: Vec<[u32; 3]>, limits: Limits) -> Self {
+    fn new(
+        positions: Vec<DVec3>,
+        normals: &[DVec3],
+        triangles: Vec<[u32; 3]>,
+        limits: Limits,
+    ) -> Self {
         let mut first = vec![NONE; positions.len()];
         let mut following = vec![NONE; 3 * triangles.len()];
         let mut quadrics = vec![Quadric::default(); positions.len()];
         for (t, corners) in triangles.iter().enumerate() {
-            let plane = Quadric::of(corners.map(|v| positions[v as usize]));
+            let plane = Quadric::of(
+                corners.map(|v| positions[v as usize]),
+                corners.map(|v| normals[v as usize]),
+            );
             for (k, &v) in corners.iter().enumerate() {
                 let corner = id(3 * t + k);
                 following[corner as usize] = first[v as usize];

@@ -9,6 +9,7 @@
 pub(crate) mod directory;
 pub(crate) mod graph;
 pub(crate) mod mesh;
+mod model;
 mod predict;
 mod texture;
 mod walk;

@@ -10,6 +10,7 @@ pub mod octahedral;
 pub(crate) mod packing;
 pub(crate) mod page;
 pub(crate) mod payload;
+pub(crate) mod range;
 pub(crate) mod sample;
 pub(crate) mod shading;
 pub(crate) mod targets;

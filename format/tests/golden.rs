@@ -19,13 +19,14 @@ use marquetry_format::*;
 use std::path::PathBuf;
 use support::*;
 
-const NAMES: [&str; 8] = [
+const NAMES: [&str; 9] = [
     "clusters_in_groups",
     "clusters_without_charts",
     "coloured_strip_with_clusters",
     "coloured_strip",
     "cube_of_mixed_resolutions",
     "moebius",
+    "ranged_clusters",
     "torus_with_children",
     "walked_clusters",
 ];
@@ -51,7 +52,7 @@ fn model(name: &str) -> Vec<u8> {
         "clusters_in_groups" => {
             return plain.write_with(&grouped_clusters(10, true)).unwrap();
         }
-        "walked_clusters" | "coloured_strip_with_clusters" => {
+        "walked_clusters" | "ranged_clusters" | "coloured_strip_with_clusters" => {
             return plain.write_with(&clusters(10, true)).unwrap();
         }
         "coloured_strip" => plain,

@@ -5,6 +5,9 @@ use crate::codec::sample::{Colour, Normal, Position};
 use crate::codec::shading::{cross, difference, lowered};
 use crate::lattice::LATTICE_BITS;
 
+/// Bits of the components of a plane's normal.
+const PLANE_BITS: u32 = 30;
+
 fn of<T: Copy>(values: &[T], vertex: u8) -> Option<T> {
     values.get(usize::from(vertex)).copied()
 }
@@ -24,6 +27,20 @@ pub(crate) fn position(prediction: Prediction, before: &[Position]) -> Position 
             Position([sum(0), sum(1), sum(2)].map(|c| c.clamp(0, (1 << LATTICE_BITS) - 1)))
         }
     }
+}
+
+/// A vector of at most 30 bits along the normal of the triangle that a vertex lies across from, if it does and that has an area.
+pub(crate) fn plane(prediction: Prediction, before: &[Position]) -> Option<[i64; 3]> {
+    let Prediction::Across(vertices) = prediction else {
+        return None;
+    };
+    let [a, b, c] = vertices.map(|vertex| of(before, vertex).unwrap_or_default());
+    let normal = cross(difference(a, c), difference(b, c));
+    let largest = normal.iter().map(|c| c.unsigned_abs()).max().unwrap_or(0);
+    let shift = u64::BITS
+        .saturating_sub(largest.leading_zeros())
+        .saturating_sub(PLANE_BITS);
+    (largest != 0).then_some(normal.map(|c| c.checked_shr(shift).unwrap_or_default()))
 }
 
 /// The colour of a vertex: that of another, or the mean of an edge's ends.

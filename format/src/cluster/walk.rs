@@ -19,9 +19,9 @@ use crate::Error;
 #[cfg(not(target_arch = "wasm32"))]
 const NAMED: usize = 63;
 /// Named by a triangle that shares no edge with those before it.
-const START: u8 = 63;
+pub(crate) const START: u8 = 63;
 /// Bits of the third corner in an operation.
-const APEX_BITS: u32 = 2;
+pub(crate) const APEX_BITS: u32 = 2;
 /// The third corner: a new vertex,
 const NEW: u8 = 0;
 /// where the front comes from to the edge,
@@ -30,6 +30,20 @@ const LEFT: u8 = 1;
 const RIGHT: u8 = 2;
 /// or given by its number.
 const GIVEN: u8 = 3;
+
+/// The edge that an operation names, and its third corner.
+pub(crate) fn parts(operation: u8) -> (u8, u8) {
+    (operation >> APEX_BITS, operation & GIVEN)
+}
+
+/// How many corners an operation gives by their numbers.
+pub(crate) fn given_by(operation: u8) -> usize {
+    match parts(operation) {
+        (START, _) => 3,
+        (_, GIVEN) => 1,
+        _ => 0,
+    }
+}
 
 /// What a new vertex is predicted by: vertices before it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -170,7 +184,7 @@ pub(crate) fn read(operations: &[u8], given: &[u8], vertices: usize) -> Result<W
     let mut front = Front::default();
     let mut given = given.iter().copied();
     for &operation in operations {
-        let (place, apex) = (operation >> APEX_BITS, operation & GIVEN);
+        let (place, apex) = parts(operation);
         let mut next = || given.next().ok_or_else(|| refuse(usize::from(operation)));
         if place == START {
             if apex != NEW {
@@ -203,4 +217,69 @@ pub(crate) fn read(operations: &[u8], given: &[u8], vertices: usize) -> Result<W
         return Err(refuse(operations.len()));
     }
     walk.finish(vertices)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    /// A triangle that starts, by new vertices.
+    const STARTED: u8 = START << APEX_BITS;
+
+    fn found(operations: &[u8], given: &[u8], vertices: usize) -> u64 {
+        match read(operations, given, vertices) {
+            Err(Error::Value {
+                what: "corner of a cluster's triangle",
+                found,
+            }) => found,
+            other => panic!("{other:?}"),
+        }
+    }
+
+    #[test]
+    fn two_triangles_are_read() {
+        let walk = read(&[STARTED, NEW], &[0, 0, 0], 4).unwrap();
+        assert_eq!(walk.triangles, [[0, 1, 2], [0, 2, 3]]);
+        assert_eq!(walk.predictions[3], Prediction::Across([2, 0, 1]));
+        assert_eq!(parts(STARTED), (START, NEW));
+        assert_eq!([STARTED, GIVEN, LEFT].map(given_by), [3, 1, 0]);
+    }
+
+    #[test]
+    fn corners_that_do_not_exist_are_refused() {
+        // Before the first.
+        assert_eq!(found(&[STARTED], &[1, 0, 0], 3), 1);
+        // Two equal ones.
+        assert_eq!(found(&[STARTED], &[0, 1, 0], 3), 0);
+        // A new one beyond the last.
+        assert_eq!(found(&[STARTED, NEW], &[0, 0, 0], 3), 3);
+        // An edge that is not there, and nothing to start from.
+        assert_eq!(found(&[STARTED, 62 << APEX_BITS], &[0, 0, 0], 4), 62 << 2);
+        assert_eq!(found(&[NEW], &[], 3), 0);
+        // A start with a neighbour.
+        assert_eq!(found(&[STARTED | LEFT], &[0, 0, 0], 3), 253);
+        // One too many, and one too few.
+        assert_eq!(found(&[STARTED], &[0, 0, 0, 0], 3), 1);
+        assert_eq!(found(&[STARTED], &[0, 0], 3), 252);
+    }
+
+    #[test]
+    fn vertices_that_no_triangle_has_are_refused() {
+        assert!(matches!(
+            read(&[STARTED], &[0, 0, 0], 4),
+            Err(Error::Mismatch {
+                what: "vertices of a cluster",
+                expected: 4,
+                found: 3
+            })
+        ));
+    }
+
+    proptest! {
+        #[test]
+        fn any_operations_are_read_or_refused(operations in prop::collection::vec(any::<u8>(), 0..60), given in prop::collection::vec(0..9u8, 0..90)) {
+            let _ = read(&operations, &given, 40);
+        }
+    }
 }

@@ -5,9 +5,10 @@ use anyhow::{Context, bail};
 use glam::{DVec3, Vec3};
 use marquetry_engine::lod::cluster;
 use marquetry_engine::lod::mesh::extract_mesh;
-use marquetry_engine::lod::uniform::{Fineness, cut_bytes, cut_triangles, uniform_cut};
+use marquetry_engine::lod::uniform::{
+    Fineness, bytes_before_pages, cut_bytes, cut_triangles, uniform_cut,
+};
 use marquetry_engine::lod::{Cut, Leaf};
-use marquetry_format::header::{Section, SectionKind};
 use marquetry_format::quadtree::PAGE_RESOLUTION;
 use marquetry_format::{ChartId, Document, PageId};
 use serde::Serialize;
@@ -224,15 +225,6 @@ fn chart_error(document: &Document, cut: &Cut) -> f64 {
         .filter_map(error)
         .map(f64::from)
         .fold(0.0, f64::max)
-}
-
-/// Everything but the pages of charts and clusters.
-fn bytes_before_pages(document: &Document) -> u64 {
-    [SectionKind::Pages, SectionKind::ClusterPages]
-        .into_iter()
-        .filter_map(|kind| document.header().section(kind).ok())
-        .map(Section::length)
-        .fold(document.file_length(), u64::saturating_sub)
 }
 
 /// Between lattice units and parts of the diagonal.

@@ -99,6 +99,7 @@ fn assert_figures_are_those_of_measure(report: &Value, file: &Path, input: &Path
                 bytes.to_string()
             ];
             let measured = marquetry(&line).unwrap().json().unwrap();
+            assert!(measured["bytes"].as_u64().unwrap() <= bytes);
             assert!(
                 number(&measured["rms_rel"]) <= rms * (1.0 + 1e-9),
                 "{bytes} bytes"

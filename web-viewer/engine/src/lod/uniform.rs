@@ -7,6 +7,7 @@ use super::cluster;
 use super::cut::{Cut, Leaf, QUADRANTS};
 use super::residency::{children, needed_pages};
 use crate::EngineError;
+use marquetry_format::header::{Section, SectionKind};
 use marquetry_format::quadtree::PAGE_RESOLUTION;
 use marquetry_format::{ChartId, Document, NodeId, PageId};
 
@@ -36,9 +37,9 @@ pub fn uniform_cut(document: &Document, fineness: Fineness) -> Result<Cut, Engin
             Ok(within(document, |cut| cut_triangles(document, cut) <= most))
         }
         Fineness::Bytes(most) => {
-            let base_bytes = base_bytes(document);
+            let before_pages = bytes_before_pages(document);
             Ok(within(document, |cut| {
-                cut_bytes(document, cut).saturating_add(base_bytes) <= most
+                cut_bytes(document, cut).saturating_add(before_pages) <= most
             }))
         }
     }
@@ -60,14 +61,13 @@ pub fn cut_bytes(document: &Document, cut: &Cut) -> u64 {
         + cluster::bytes(document, cut)
 }
 
-/// Where the first page starts: what is read before any page.
-fn base_bytes(document: &Document) -> u64 {
-    let pages = (0..document.page_count()).filter_map(|page| document.page(PageId(page)));
-    pages
-        .filter(|entry| entry.length > 0)
-        .map(|entry| entry.offset)
-        .min()
-        .unwrap_or(0)
+/// Bytes of all but the pages of charts and clusters.
+pub fn bytes_before_pages(document: &Document) -> u64 {
+    [SectionKind::Pages, SectionKind::ClusterPages]
+        .into_iter()
+        .filter_map(|kind| document.header().section(kind).ok())
+        .map(Section::length)
+        .fold(document.file_length(), u64::saturating_sub)
 }
 
 fn check_index(document: &Document) -> Result<(), EngineError> {

@@ -9,7 +9,7 @@
 //! vertex each, for light that the source does not show.
 
 use crate::mesh::ManifoldMesh;
-use crate::mesh::adjacency::id;
+use crate::mesh::adjacency::{EdgeTable, end, start};
 use glam::DVec3;
 use rayon::prelude::*;
 
@@ -115,21 +115,17 @@ pub(super) fn is_angular(mesh: &ManifoldMesh, triangles: &[u32]) -> bool {
     if triangles.len() <= FEW {
         return true;
     }
+    let corners: Vec<[u32; 3]> = (triangles.iter())
+        .map(|&t| mesh.triangles[t as usize])
+        .collect();
     let unit = |t: &u32| face_vector(mesh, *t).normalize_or_zero();
     let normals: Vec<DVec3> = triangles.par_iter().map(unit).collect();
-    // Edges with the number of their triangle, those of one edge side by side.
-    let mut edges: Vec<([u32; 2], u32)> = (triangles.par_iter().enumerate())
-        .flat_map_iter(|(number, &t)| {
-            let [a, b, c] = mesh.triangles[t as usize];
-            [[a, b], [b, c], [c, a]].map(|[a, b]| ([a.min(b), a.max(b)], id(number)))
-        })
-        .collect();
-    edges.par_sort_unstable();
+    let edges = EdgeTable::new(&corners, mesh.positions.len());
     let inner = || {
-        let pairs = edges.chunk_by(|a, b| a.0 == b.0);
-        pairs.filter_map(|pair| match *pair {
-            [(ends, a), (_, b)] => {
-                let faces = [a as usize, b as usize];
+        edges.edges().filter_map(|edge| match *edge {
+            [h, twin] => {
+                let ends = [start(&corners, h), end(&corners, h)];
+                let faces = [h, twin].map(|h| h as usize / 3);
                 Some((ends, faces, normals[faces[0]].dot(normals[faces[1]])))
             }
             _ => None,
@@ -156,6 +152,7 @@ pub(super) fn is_angular(mesh: &ManifoldMesh, triangles: &[u32]) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::mesh::adjacency::id;
 
     /// A grid of `cells`² cells, two triangles each, over the unit square.
     fn sheet(cells: u32, height: impl Fn(f64, f64) -> f64) -> ManifoldMesh {

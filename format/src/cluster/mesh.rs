@@ -18,7 +18,7 @@ use crate::codec::range::Decoder;
 #[cfg(not(target_arch = "wasm32"))]
 use crate::codec::range::Encoder;
 use crate::codec::sample::Position;
-use crate::lattice::LATTICE_BITS;
+use crate::lattice::{LATTICE_BITS, LatticePoint};
 
 const WHAT: &str = "cluster";
 /// First byte: what no method of the triangles is in [`packed`] ones, and whether there is a texture.
@@ -58,8 +58,7 @@ pub(crate) fn decode(coding: Coding, counts: Counts, bytes: &[u8]) -> Result<Clu
     let mut coder = Decoder::new(coded);
     let (operations, given) = model::operations(&mut coder, triangles, (&[], &[]));
     let walk = walk::read(&operations, &given, vertices)?;
-    let limit = 1i32 << LATTICE_BITS.saturating_sub(u32::from(coding.shift));
-    let positions = model::positions(&mut coder, &walk.predictions, limit, &[])?;
+    let positions = model::positions(&mut coder, &walk.predictions, limit(coding), &[])?;
     let predicted = predict::normals(&positions, &walk.triangles);
     let normals = model::normals(&mut coder, &predicted, &[]);
     let colours = if coding.has_colours {
@@ -77,17 +76,24 @@ pub(crate) fn decode(coding: Coding, counts: Counts, bytes: &[u8]) -> Result<Clu
         })
         .transpose()?;
     coder.finish(WHAT)?;
-    let shift = u32::from(coding.shift);
     Ok(ClusterMesh {
-        positions: positions
-            .iter()
-            .map(|point| point.0.map(|c| c.cast_unsigned() << shift))
-            .collect(),
+        positions: on_lattice(coding, &positions),
         normals,
         colours,
         triangles: walk.triangles,
         texture,
     })
+}
+
+/// The lattice's side in units.
+fn limit(coding: Coding) -> i32 {
+    1 << LATTICE_BITS.saturating_sub(u32::from(coding.shift))
+}
+
+/// Points at `positions`, in units.
+fn on_lattice(coding: Coding, positions: &[Position]) -> Vec<LatticePoint> {
+    let point = |point: &Position| point.0.map(|c| c.cast_unsigned() << coding.shift);
+    positions.iter().map(point).collect()
 }
 
 /// `mesh` with its triangles in the order in which they are told, and its vertices in the order in which these use them first; those that none

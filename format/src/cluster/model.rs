@@ -113,7 +113,7 @@ fn axes(normal: [i64; 3]) -> [usize; 3] {
     }
 }
 
-/// How far the plane is along the last axis at a way along the others; rounded down.
+/// How far the plane is along the last axis at a way along the others; rounded down where the normal is positive there, else up.
 fn level(normal: [i64; 3], [i, j, k]: [usize; 3], way: [i32; 3]) -> i32 {
     // 30 bits times 31, twice; the quotient has at most one more than the ways.
     let sum = normal[i] * i64::from(way[i]) + normal[j] * i64::from(way[j]);

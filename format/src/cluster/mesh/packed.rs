@@ -2,14 +2,13 @@
 
 use super::super::walk::{self, Prediction, Walk};
 use super::super::{ClusterMesh, ClusterTexture, predict};
-use super::{Counts, WHAT};
+use super::{Counts, WHAT, limit, on_lattice};
 use crate::Error;
 use crate::bytes::Cursor;
 use crate::codec::packing::{self, Method};
 use crate::codec::page::Coding;
 use crate::codec::payload::unzigzag;
 use crate::codec::sample::{Colour, Normal, Position, Sample};
-use crate::lattice::LATTICE_BITS;
 
 /// Second byte: planes of the positions less one, whether there is a texture, how its places are packed, whether the triangles
 /// are a walk.
@@ -144,12 +143,8 @@ pub(super) fn decode(coding: Coding, counts: Counts, bytes: &[u8]) -> Result<Clu
         let codes = packing::unpack(WHAT, method, places, vertices.saturating_mul(2))?;
         read_texture(&codes, &walk.predictions, frame)
     });
-    let shift = u32::from(coding.shift);
     Ok(ClusterMesh {
-        positions: positions
-            .iter()
-            .map(|point| point.0.map(|c| c.cast_unsigned() << shift))
-            .collect(),
+        positions: on_lattice(coding, &positions),
         normals,
         colours,
         triangles: walk.triangles,
@@ -170,7 +165,7 @@ fn read_positions(
     predictions: &[Prediction],
 ) -> Result<Vec<Position>, Error> {
     let vertices = predictions.len();
-    let limit = 1i32 << LATTICE_BITS.saturating_sub(u32::from(coding.shift));
+    let limit = limit(coding);
     let mut positions: Vec<Position> = Vec::with_capacity(vertices);
     for (vertex, &prediction) in predictions.iter().enumerate() {
         let code = |component: usize| {

@@ -59,6 +59,9 @@ fn encoded(colour: vec3<f32>) -> vec4<f32> {
     return vec4<f32>(colour, 1.0);
 }
 
+// Cosine of the angle to the viewer from which on a normal tells the side.
+const CLEARLY: f32 = 0.25;
+
 // The colour of a surface: `normal` as interpolated, `to_eye` in lattice units.
 fn shaded(albedo: vec3<f32>, normal: vec3<f32>, to_eye: vec3<f32>, is_front: bool) -> vec4<f32> {
     // Zero where interpolated normals cancel: then the viewer's direction is as good as any.
@@ -71,8 +74,10 @@ fn shaded(albedo: vec3<f32>, normal: vec3<f32>, to_eye: vec3<f32>, is_front: boo
         return encoded(albedo);
     }
     // Open scans are seen from behind, too. A triangle smaller than the lattice's rounding may be turned over while its
-    // surface is not: then the normal knows better.
-    return encoded(lit(albedo, select(-outward, outward, is_front || dot(outward, to_eye) > 0.0)));
+    // surface is not: then the normal knows better, if it clearly is the viewer's. Along the edge of what is seen from behind
+    // interpolated normals lean over to the viewer as well.
+    let is_outside = is_front || dot(outward, to_eye) > CLEARLY * length(to_eye);
+    return encoded(lit(albedo, select(-outward, outward, is_outside)));
 }
 
 @fragment

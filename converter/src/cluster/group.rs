@@ -46,7 +46,7 @@ pub(super) fn graph(pieces: Vec<Piece>, unit: u32, colours: bool, room: Room) ->
         if front.len() == 1 {
             return graph;
         }
-        let groups = Groups::of(&front, room.group());
+        let groups = Groups::of(&front, group_size(front.len(), room));
         let coarser: Vec<Option<Coarser>> = groups
             .members
             .par_iter()
@@ -71,6 +71,17 @@ pub(super) fn graph(pieces: Vec<Piece>, unit: u32, colours: bool, room: Room) ->
         );
     }
     graph
+}
+
+/// Nodes that make a group, about: half as many where there are but a few groups, since a cut of a small model would be coarser
+/// than asked by most of a group otherwise.
+fn group_size(front: usize, room: Room) -> usize {
+    let full = room.group();
+    if front > full && front <= 4 * full {
+        (full / 2).max(REDUCTION)
+    } else {
+        full
+    }
 }
 
 /// Nodes of the front by group, and which places groups share.

@@ -162,6 +162,30 @@ fn refine_groups(
     descend(document, split, |_, _, _| ());
 }
 
+/// The groups that `cut` draws and that may be split, the coarsest first.
+pub fn splittable<'d>(document: &'d Document, cut: &Cut) -> Vec<&'d ClusterGroup> {
+    let Some(clusters) = &document.clusters else {
+        return Vec::new();
+    };
+    let mut groups = Vec::new();
+    let split = |group: &ClusterGroup| {
+        let is_split = cut.is_group_split(group);
+        if !is_split {
+            groups.extend(group.members.first().copied());
+        }
+        is_split
+    };
+    descend(document, split, |_, _, _| ());
+    let group_of = |first: ClusterId| clusters.group(clusters.node(first)?.group?);
+    let error = |group: &ClusterGroup| {
+        let members = group.members.iter().filter_map(|&id| clusters.node(id));
+        members.map(|node| node.error).fold(0.0, f32::max)
+    };
+    let mut groups: Vec<&ClusterGroup> = groups.into_iter().filter_map(group_of).collect();
+    groups.sort_by(|a, b| error(b).total_cmp(&error(a)));
+    groups
+}
+
 /// Undoes every split of a group whose children are not all resident, and what is below it (rule R7).
 pub fn restrict(document: &Document, cut: &mut Cut, mut resident: impl FnMut(PageId) -> bool) {
     let wanted = cut.clone();

@@ -10,6 +10,7 @@ use crate::EngineError;
 use marquetry_format::header::{Section, SectionKind};
 use marquetry_format::quadtree::PAGE_RESOLUTION;
 use marquetry_format::{ChartId, Document, NodeId, PageId};
+use std::collections::HashSet;
 
 /// How fine a uniform cut is.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -18,7 +19,7 @@ pub enum Fineness {
     Finest,
     /// Geometric error of at most this, lattice units, wherever the file has it.
     Error(f64),
-    /// As fine as possible with at most this many triangles.
+    /// As fine as possible with at most this many triangles: where the next group of clusters is too large, others are split that fit.
     Triangles(u64),
     /// As fine as possible with at most this many stored bytes: the base and the pages the cut needs.
     Bytes(u64),
@@ -132,7 +133,7 @@ fn is_refinable(document: &Document, leaf: Leaf) -> bool {
     leaf.grid_resolution() < root_resolution || document.first_child(page).is_some()
 }
 
-/// The finest cut of equal error that `fits`, by bisection over the errors in the file.
+/// The finest cut of equal error that `fits`, by bisection over the errors in the file, and what fits beyond.
 fn within(document: &Document, fits: impl Fn(&Cut) -> bool) -> Cut {
     let mut errors: Vec<f64> = (0..document.page_count())
         .filter_map(|page| document.page(PageId(page)))
@@ -159,5 +160,33 @@ fn within(document: &Document, fits: impl Fn(&Cut) -> bool) -> Cut {
             low = middle + 1;
         }
     }
-    best
+    fill(document, best, fits)
+}
+
+/// Groups of clusters that [`fill`] tries to split beyond those that it did.
+const TRIES: usize = 64;
+
+/// Splits more groups of clusters, coarse ones first, while the cut `fits`: the next by error may be larger than what is left, one after it not.
+fn fill(document: &Document, mut cut: Cut, fits: impl Fn(&Cut) -> bool) -> Cut {
+    let mut refused = HashSet::new();
+    loop {
+        let groups = cluster::splittable(document, &cut);
+        let mut is_finer = false;
+        for group in groups {
+            if refused.len() == TRIES || refused.contains(&group.children.start) {
+                continue;
+            }
+            let mut finer = cut.clone();
+            finer.split_group(group);
+            if fits(&finer) {
+                cut = finer;
+                is_finer = true;
+            } else {
+                refused.insert(group.children.start);
+            }
+        }
+        if !is_finer {
+            return cut;
+        }
+    }
 }

@@ -231,3 +231,26 @@ fn splits_of_groups_that_are_not_reached_are_not_drawn() {
         wall.assert_whole(&cut);
     }
 }
+
+#[test]
+fn budget_leaves_no_group_unsplit_that_fits() {
+    use crate::lod::uniform::{Fineness, cut_triangles, uniform_cut};
+    let wall = Wall::new(12, None).unwrap();
+    let document = &wall.document;
+    let of = |fineness| uniform_cut(document, fineness).unwrap();
+    let all = cut_triangles(document, &of(Fineness::Finest));
+    let mut with_rest = 0;
+    for budget in 1..all {
+        let cut = of(Fineness::Triangles(budget));
+        wall.assert_whole(&cut);
+        let drawn = cut_triangles(document, &cut);
+        for group in splittable(document, &cut) {
+            let mut finer = cut.clone();
+            finer.split_group(group);
+            assert!(cut_triangles(document, &finer) > budget);
+        }
+        let equal = of(Fineness::Error(error(document, &cut)));
+        with_rest += usize::from(cut_triangles(document, &equal) < drawn);
+    }
+    assert!(with_rest > 0, "no budget had anything left over");
+}

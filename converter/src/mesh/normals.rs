@@ -1,7 +1,9 @@
 //! Vertex normals.
 //!
-//! Each face counts with its cross product over the squared lengths of the two edges at the vertex, that is by sin(angle) / (edge · edge): exact on
-//! a sphere whatever the triangulation (Max, "Weights for Computing Vertex Normals from Facet Normals", 1999).
+//! Each face counts by its area and its angle at the vertex: large flat faces stay flat, narrow ones, whose own normals are noise, count for
+//! little, and it does not matter along which diagonal a flat quad is cut. By sin(angle) / (edge · edge), which is exact on a sphere
+//! (Max, "Weights for Computing Vertex Normals from Facet Normals", 1999), the few small faces beside a large one bend the light on
+//! all of it; by angles alone narrow faces count for much.
 //!
 //! Copies of one vertex whose normals point nearly the same or nearly opposite ways lie on one sheet that was cut for
 //! topology's sake; they share one normal, up to sign, so that the cut does not show.
@@ -25,12 +27,10 @@ pub fn vertex_normals(surface: Mesh<'_>) -> Vec<DVec3> {
         let [a, b, c] = t.map(|v| surface.positions[v as usize]);
         let edges = [b - a, c - b, a - c];
         let normal = edges[0].cross(-edges[2]);
-        let squares = edges.map(DVec3::length_squared);
+        let twice_area = normal.length();
         for k in 0..3 {
-            let weighted = normal / squares[k] / squares[(k + 2) % 3];
-            if weighted.is_finite() {
-                sums[t[k] as usize] += weighted;
-            }
+            let angle = twice_area.atan2(edges[k].dot(-edges[(k + 2) % 3]));
+            sums[t[k] as usize] += angle * normal;
         }
     }
     sums

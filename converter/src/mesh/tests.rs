@@ -55,43 +55,60 @@ fn boundary_loops_are_simple() {
 }
 
 #[test]
-fn normals_of_a_sphere_point_from_its_centre() {
-    let (mut positions, mut triangles) = (vec![DVec3::Z, DVec3::NEG_Z], Vec::new());
-    let (rings, columns) = (9_u32, 16_u32);
-    for r in 0..rings {
-        let polar = f64::from(r + 1) / f64::from(rings + 1) * std::f64::consts::PI;
-        for c in 0..columns {
-            let a = f64::from(c * c) / f64::from(columns * columns) * std::f64::consts::TAU;
-            positions.push(DVec3::new(
-                polar.sin() * a.cos(),
-                polar.sin() * a.sin(),
-                polar.cos(),
-            ));
+fn normals_of_a_cube_do_not_depend_on_diagonals_or_units() {
+    let corner = |k: u32| {
+        let side = |bit: u32| if k >> bit & 1 == 1 { 1.0 } else { -1.0 };
+        DVec3::new(side(0), side(1), side(2))
+    };
+    let faces: [[u32; 4]; 6] = [
+        [0, 4, 6, 2],
+        [1, 3, 7, 5],
+        [0, 1, 5, 4],
+        [2, 6, 7, 3],
+        [0, 2, 3, 1],
+        [4, 5, 7, 6],
+    ];
+    for diagonals in 0..64_u32 {
+        let mut triangles = Vec::new();
+        for (k, [a, b, c, d]) in (0..).zip(faces) {
+            triangles.extend(if diagonals >> k & 1 == 0 {
+                [[a, b, c], [a, c, d]]
+            } else {
+                [[a, b, d], [b, c, d]]
+            });
+        }
+        for scale in [1e-20, 1.0, 1e20] {
+            let (mesh, account) = prepare(ImportedMesh {
+                positions: (0..8).map(|k| corner(k) * scale).collect(),
+                triangles: triangles.clone(),
+                ..ImportedMesh::default()
+            })
+            .unwrap();
+            assert_eq!((mesh.check(), account.check()), (Ok(()), Ok(())));
+            for (p, n) in mesh.positions.iter().zip(&mesh.normals) {
+                let outward = (*p / scale).normalize_or_zero();
+                assert!(n.distance(outward) < 1e-6, "{diagonals}: {p} {n}");
+            }
         }
     }
-    let at = |r: u32, c: u32| 2 + r * columns + c % columns;
-    for c in 0..columns {
-        triangles.push([0, at(0, c), at(0, c + 1)]);
-        triangles.push([1, at(rings - 1, c + 1), at(rings - 1, c)]);
-        for r in 0..rings - 1 {
-            triangles.extend([
-                [at(r, c), at(r + 1, c), at(r + 1, c + 1)],
-                [at(r, c), at(r + 1, c + 1), at(r, c + 1)],
-            ]);
-        }
-    }
-    for scale in [1e-20, 1.0, 1e20] {
-        let positions = positions.iter().map(|p| *p * scale).collect();
-        let (mesh, account) = prepare(ImportedMesh {
-            positions,
-            colours: Vec::new(),
-            triangles: triangles.clone(),
-            ..ImportedMesh::default()
-        })
-        .unwrap();
-        assert_eq!((mesh.check(), account.check()), (Ok(()), Ok(())));
-        for (p, n) in mesh.positions.iter().zip(&mesh.normals) {
-            assert!(n.distance(*p / scale) < 1e-6, "{p} {n}");
+}
+
+#[test]
+fn a_large_face_stays_flat_beside_small_ones() {
+    // A square of side 10, and along one of its sides a strip of small triangles that goes down.
+    let mut positions = vec![DVec3::new(0.0, 10.0, 0.0), DVec3::new(10.0, 10.0, 0.0)];
+    positions.extend([0.0, 10.0].map(|x| DVec3::new(x, 0.0, 0.0)));
+    positions.extend([0.0, 10.0].map(|x| DVec3::new(x, 0.0, -0.5)));
+    let triangles = vec![[0, 2, 1], [1, 2, 3], [2, 4, 3], [3, 4, 5]];
+    let (mesh, _) = prepare(ImportedMesh {
+        positions,
+        triangles,
+        ..ImportedMesh::default()
+    })
+    .unwrap();
+    for (p, n) in mesh.positions.iter().zip(&mesh.normals) {
+        if p.z == 0.0 {
+            assert!(n.z > 0.99, "{p} {n}");
         }
     }
 }

@@ -1,15 +1,15 @@
 //! The input as it is drawn and simplified: one vertex for each position, material and place on a texture.
 //!
-//! Normals are those of positions: the mean of the triangles around one, weighed by their angles there (Max, "Weights for
-//! Computing Vertex Normals from Facet Normals", 1999, finds this and other weights alike on smooth surfaces). Limit: sharp
-//! edges of CAD models look round.
+//! Normals are those of positions, weighed as in [`marquetry_converter::mesh::normals`]. Limit: sharp edges of CAD models look round.
 
 use super::super::reference::Reference;
 use anyhow::Context;
 use glam::{DVec3, Vec2};
+use marquetry_converter::mesh::normals::vertex_normals;
 use marquetry_converter::texture::appearance::{Appearance, NO_MATERIAL, Wrap};
 use marquetry_converter::texture::images::Texels;
 use marquetry_converter::texture::light::Light;
+use marquetry_evaluation::distance::Mesh;
 use marquetry_native::mesh::{self, MeshTexture, Part, PlainMesh, Vertex};
 use std::collections::HashMap;
 
@@ -102,19 +102,14 @@ fn welded(positions: &[DVec3], triangles: &[[u32; 3]]) -> (Vec<u32>, Vec<DVec3>)
                 .or_insert(vertex)
         })
         .collect();
-    let mut normals = vec![DVec3::ZERO; positions.len()];
-    for triangle in triangles {
-        let corners = triangle.map(|v| positions[v as usize]);
-        let normal = (corners[1] - corners[0]).cross(corners[2] - corners[0]);
-        let Some(normal) = normal.try_normalize() else {
-            continue;
-        };
-        for k in 0..3 {
-            let [a, b] = [1, 2].map(|step| corners[(k + step) % 3] - corners[k]);
-            let angle = a.cross(b).length().atan2(a.dot(b));
-            normals[first[triangle[k] as usize] as usize] += angle * normal;
-        }
-    }
+    let welded: Vec<[u32; 3]> = triangles
+        .iter()
+        .map(|triangle| triangle.map(|v| first[v as usize]))
+        .collect();
+    let mut normals = vertex_normals(Mesh {
+        positions,
+        triangles: &welded,
+    });
     for normal in &mut normals {
         *normal = normal.normalize_or_zero();
     }

@@ -15,4 +15,6 @@ pub struct BytesByPart {
     pub normals: u64,
     /// Colours, base and colour tiles included.
     pub colour: u64,
+    /// The picture of the model.
+    pub thumbnail: u64,
 }

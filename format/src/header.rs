@@ -49,7 +49,7 @@ pub enum SectionKind {
     Time = 19,
     /// Whole-model stand-in; ignorable.
     Proxy = 20,
-    /// Preview picture; ignorable.
+    /// A picture of the model ([`thumbnail`](crate::thumbnail)); ignorable.
     Thumbnail = 21,
     /// Meshes of the clusters below the root.
     ClusterPages = 22,

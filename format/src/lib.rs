@@ -43,6 +43,7 @@ pub mod reader;
 mod rules;
 pub mod source;
 pub mod task;
+pub mod thumbnail;
 pub mod verify;
 #[cfg(not(target_arch = "wasm32"))]
 pub mod writer;

@@ -8,6 +8,7 @@ mod bytes;
 mod clusters;
 mod colour;
 mod pages;
+mod thumbnail;
 
 use crate::rules::Tally;
 use crate::{ByteSource, Document, Error, Limits};
@@ -88,6 +89,7 @@ pub fn verify(source: &dyn ByteSource) -> Result<Report, Error> {
     }
     clusters::check(&document, source, &mut report);
     colour::check(&document, source, &mut report);
+    thumbnail::check(&document, source, &mut report);
     Ok(report)
 }
 

@@ -13,6 +13,7 @@
 
 mod clusters;
 mod input;
+mod sections;
 
 pub use crate::BytesByPart;
 pub use crate::colour::writer::{ChartTiles, ColourInput, TileInput};
@@ -23,18 +24,16 @@ use crate::cluster::ClusterMesh;
 use crate::codec::page::{Coding, encode_base, encode_child, encode_root};
 use crate::codec::payload::PartBytes;
 use crate::colour;
-use crate::header::{
-    ATLAS_SECTIONS, CLUSTER_SECTIONS, Header, MINOR, MUST_UNDERSTAND, Section, SectionKind,
-    checksum,
-};
+use crate::header::{Header, SectionKind, checksum};
 use crate::index::BLOCK_PAGES;
 use crate::index::block::{PageFacts, encode_facts};
 use crate::index::directory::{BlockRecord, Directory};
 use crate::index::quantize::{BoundsCode, cosine_code, error_code, widen_cone};
 use crate::parallel::map_ordered;
-use crate::{Error, Glue, Lattice, Metadata, NormalCone, PageSamples};
+use crate::{Error, Glue, Lattice, Metadata, NormalCone, PageSamples, thumbnail};
 use clusters::ClusterLayer;
 use input::Pages;
+use sections::{kinds_of, put};
 
 /// One node of a chart's tree, as the converter made it.
 #[derive(Debug, Clone)]
@@ -83,6 +82,8 @@ pub struct Content<'a> {
     pub clusters: &'a [ClusterInput],
     /// Colour tiles, one entry a chart.
     pub colour: Option<&'a ColourInput>,
+    /// A picture of the model, as [`thumbnail::decode`] takes it.
+    pub thumbnail: Option<&'a [u8]>,
 }
 
 /// A page ready to be stored.
@@ -104,8 +105,7 @@ pub fn write_atlas(
 ) -> Result<BytesByPart, Error> {
     let content = Content {
         charts,
-        clusters: &[],
-        colour: None,
+        ..Content::default()
     };
     write(metadata, lattice, &content, out)
 }
@@ -123,7 +123,7 @@ pub fn write(
     content: &Content<'_>,
     out: &mut dyn std::io::Write,
 ) -> Result<BytesByPart, Error> {
-    check_lattice(metadata, lattice)?;
+    check(metadata, lattice, content)?;
     let metadata_bytes = metadata.encode()?;
     let coding = Coding {
         shift: lattice.shift,
@@ -135,12 +135,6 @@ pub fn write(
     } else {
         Some(ClusterLayer::new(content.clusters, coding)?)
     };
-    if charts.is_empty() && clusters.is_none() {
-        return Err(Error::Input {
-            rule: "a file has a chart or a cluster",
-            detail: "neither was given".to_owned(),
-        });
-    }
     let pages = Pages::new(charts, coding)?;
     let block_count = u32::try_from(pages.flat.len())
         .unwrap_or(u32::MAX)
@@ -150,7 +144,11 @@ pub fn write(
         .colour
         .map(|input| colour::writer::Prepared::new(input, charts.len()))
         .transpose()?;
-    let kinds = kinds_of(clusters.is_some(), colour.is_some());
+    let kinds = kinds_of(
+        clusters.is_some(),
+        colour.is_some(),
+        content.thumbnail.is_some(),
+    );
     let before_charts = Header::encoded_length(kinds.len() as u32)
         + metadata_bytes.len() as u64
         + Directory::encoded_length(block_count);
@@ -166,6 +164,7 @@ pub fn write(
         &encoded,
         clusters.as_ref(),
         colour.as_ref(),
+        content.thumbnail,
     )?;
 
     let index_start = before_charts + graph_bytes + (front.charts.len() + front.base.len()) as u64;
@@ -195,6 +194,7 @@ pub fn write(
         None => [Vec::new(), Vec::new()],
     };
     let body_of = |kind| match kind {
+        SectionKind::Thumbnail => content.thumbnail.unwrap_or_default(),
         SectionKind::Metadata => &metadata_bytes,
         SectionKind::Directory => &directory_bytes,
         SectionKind::Charts => &front.charts,
@@ -206,10 +206,8 @@ pub fn write(
         SectionKind::ColourTiles => &colour_tiles,
         _ => &page_bytes,
     };
-    let bodies: Vec<(SectionKind, &[u8])> = kinds
-        .iter()
-        .map(|&kind| (kind, body_of(kind).as_slice()))
-        .collect();
+    let bodies: Vec<(SectionKind, &[u8])> =
+        kinds.iter().map(|&kind| (kind, body_of(kind))).collect();
     let total = put(content_id, index_start, &bodies, out)?;
 
     let [geometry, normals, colour] = directory.part_bytes;
@@ -227,30 +225,27 @@ pub fn write(
             + front.base_parts.colours
             + more_colour
             + (colour_directory.len() + colour_tiles.len()) as u64,
+        thumbnail: content.thumbnail.map_or(0, <[u8]>::len) as u64,
     })
 }
 
-fn check_lattice(metadata: &Metadata, lattice: &Lattice) -> Result<(), Error> {
-    if metadata.lattice == *lattice {
-        return Ok(());
+/// What can be told before anything is encoded.
+fn check(metadata: &Metadata, lattice: &Lattice, content: &Content<'_>) -> Result<(), Error> {
+    if metadata.lattice != *lattice {
+        return Err(Error::Input {
+            rule: "the metadata repeats the lattice",
+            detail: format!("{:?} and {lattice:?}", metadata.lattice),
+        });
     }
-    Err(Error::Input {
-        rule: "the metadata repeats the lattice",
-        detail: format!("{:?} and {lattice:?}", metadata.lattice),
+    if content.charts.is_empty() && content.clusters.is_empty() {
+        return Err(Error::Input {
+            rule: "a file has a chart or a cluster",
+            detail: "neither was given".to_owned(),
+        });
+    }
+    content.thumbnail.map_or(Ok(()), |picture| {
+        thumbnail::decode(picture).map(|_picture| ())
     })
-}
-
-/// The sections of a file, in order.
-fn kinds_of(has_clusters: bool, has_colour_tiles: bool) -> Vec<SectionKind> {
-    let mut kinds = if has_clusters {
-        SECTIONS_WITH_CLUSTERS.to_vec()
-    } else {
-        ATLAS_SECTIONS.to_vec()
-    };
-    if has_colour_tiles {
-        kinds.extend([SectionKind::ColourDirectory, SectionKind::ColourTiles]);
-    }
-    kinds
 }
 
 /// The packed facts of every index block.
@@ -263,59 +258,6 @@ fn facts_of_blocks(pages: &[Encoded]) -> Result<Vec<Vec<u8>>, Error> {
         })
         .collect()
 }
-
-/// Writes header, table and `bodies` to `out`; the length of the file.
-fn put(
-    content_id: [u8; 16],
-    front_length: u64,
-    bodies: &[(SectionKind, &[u8])],
-    out: &mut dyn std::io::Write,
-) -> Result<u64, Error> {
-    let mut end = Header::encoded_length(bodies.len() as u32);
-    let mut sections = Vec::new();
-    for &(kind, body) in bodies {
-        let range = end..end + body.len() as u64;
-        end = range.end;
-        let checksum = checksum(&content_id, body);
-        sections.push(Section {
-            kind: kind as u32,
-            flags: if matches!(
-                kind,
-                SectionKind::ColourDirectory | SectionKind::ColourTiles
-            ) {
-                0
-            } else {
-                MUST_UNDERSTAND
-            },
-            range,
-            checksum,
-        });
-    }
-    let header = Header {
-        minor: MINOR,
-        file_length: end,
-        content_id,
-        front_length,
-        sections,
-    };
-    out.write_all(&header.encode()).map_err(Error::Output)?;
-    for (_, body) in bodies {
-        out.write_all(body).map_err(Error::Output)?;
-    }
-    Ok(end)
-}
-
-/// Order of the sections of a file with clusters: their graph in the front, their pages after the atlas's.
-const SECTIONS_WITH_CLUSTERS: [SectionKind; 8] = [
-    SectionKind::Metadata,
-    SectionKind::Directory,
-    SectionKind::Charts,
-    CLUSTER_SECTIONS[0],
-    SectionKind::Base,
-    SectionKind::IndexBlocks,
-    SectionKind::Pages,
-    CLUSTER_SECTIONS[1],
-];
 
 /// What the front holds besides metadata and directory.
 struct Front {
@@ -426,6 +368,7 @@ fn content_id(
     pages: &[Encoded],
     clusters: Option<&ClusterLayer>,
     colour: Option<&colour::writer::Prepared<'_>>,
+    thumbnail: Option<&[u8]>,
 ) -> Result<[u8; 16], Error> {
     let mut hasher = blake3::Hasher::new();
     for part in [metadata, &front.charts, &front.base] {
@@ -445,6 +388,7 @@ fn content_id(
     if let Some(colour) = colour {
         colour.hash(&mut hasher)?;
     }
+    hasher.update(thumbnail.unwrap_or_default());
     let mut id = [0; 16];
     hasher.finalize_xof().fill(&mut id);
     Ok(id)

@@ -60,8 +60,8 @@ fn written(colour: &Vec<Option<ChartTiles>>) -> Result<Vec<u8>, Error> {
     let mut out = Vec::new();
     let content = Content {
         charts: &cube.charts(),
-        clusters: &[],
         colour: Some(colour),
+        ..Content::default()
     };
     write(&cube.metadata(), &cube.lattice(), &content, &mut out)?;
     Ok(out)

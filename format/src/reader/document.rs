@@ -163,8 +163,9 @@ impl Document {
         let tiles =
             length(SectionKind::ColourDirectory).saturating_add(length(SectionKind::ColourTiles));
         let colour = sum([colour, self.base_parts.colours, more_colour]).saturating_add(tiles);
+        let thumbnail = length(SectionKind::Thumbnail);
         let total = self.header.file_length;
-        let header = [index, geometry, normals, colour]
+        let header = [index, geometry, normals, colour, thumbnail]
             .iter()
             .fold(total, |rest, &part| rest.saturating_sub(part));
         BytesByPart {
@@ -174,6 +175,7 @@ impl Document {
             geometry,
             normals,
             colour,
+            thumbnail,
         }
     }
 

@@ -134,6 +134,11 @@ fn compute_content_id(document: &Document, source: &dyn ByteSource) -> Result<[u
             hasher.update(chunk);
         })?;
     }
+    if let Ok(section) = document.header().section(SectionKind::Thumbnail) {
+        for_each_chunk(source, section.range.clone(), |chunk| {
+            hasher.update(chunk);
+        })?;
+    }
     let mut id = [0; 16];
     hasher.finalize_xof().fill(&mut id);
     Ok(id)

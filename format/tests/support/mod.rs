@@ -135,7 +135,7 @@ impl Model<'_> {
         let content = Content {
             charts: &charts,
             clusters,
-            colour: None,
+            ..Content::default()
         };
         let parts = write(&self.metadata(), &self.lattice(), &content, &mut out)?;
         assert_eq!(parts.total, out.len() as u64);

@@ -229,8 +229,8 @@ impl Shape {
         let mut bytes = Vec::new();
         let content = Content {
             charts: &self.inputs(finest),
-            clusters: &[],
             colour,
+            ..Content::default()
         };
         write(&metadata, &metadata.lattice, &content, &mut bytes)?;
         Ok(bytes)

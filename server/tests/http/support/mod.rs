@@ -16,9 +16,18 @@ use std::thread::JoinHandle;
 use std::time::Duration;
 use tokio::sync::oneshot;
 
+/// A WebP file of 16 × 12 pixels.
+pub(crate) const PICTURE: &[u8] =
+    include_bytes!("../../../../format/tests/data/thumbnail_16x12.webp");
+
 /// Bytes of a file with one chart of five pages; `seed` makes its content, and so its content id.
 pub(crate) fn marq(seed: u32) -> Vec<u8> {
-    written(seed, None)
+    written(seed, None, None)
+}
+
+/// The same with a picture, [`PICTURE`].
+pub(crate) fn pictured_marq(seed: u32) -> Vec<u8> {
+    written(seed, None, Some(PICTURE))
 }
 
 /// The same with three colour tiles.
@@ -34,10 +43,10 @@ pub(crate) fn textured_marq(seed: u32) -> Vec<u8> {
         height: 8,
     };
     let root = tile([leaf(), None, None, leaf()]);
-    written(seed, Some(&vec![Some(ChartTiles { size, root })]))
+    written(seed, Some(&vec![Some(ChartTiles { size, root })]), None)
 }
 
-fn written(seed: u32, colour: Option<&ColourInput>) -> Vec<u8> {
+fn written(seed: u32, colour: Option<&ColourInput>, thumbnail: Option<&[u8]>) -> Vec<u8> {
     let lattice = Lattice {
         origin: [0.0; 3],
         step: 1e-3,
@@ -67,8 +76,9 @@ fn written(seed: u32, colour: Option<&ColourInput>) -> Vec<u8> {
     let mut bytes = Vec::new();
     let content = Content {
         charts: &[chart],
-        clusters: &[],
         colour,
+        thumbnail,
+        ..Content::default()
     };
     write(&metadata, &lattice, &content, &mut bytes).unwrap();
     bytes

@@ -109,7 +109,7 @@ pub(super) fn written(clusters: &[ClusterInput]) -> Result<(Document, Vec<u8>), 
     let content = Content {
         charts: &charts,
         clusters,
-        colour: None,
+        ..Content::default()
     };
     let mut bytes = Vec::new();
     write(&metadata, &metadata.lattice, &content, &mut bytes)?;

@@ -18,3 +18,4 @@ pub mod report;
 pub mod resample;
 pub mod segment;
 pub mod texture;
+pub mod thumbnail;

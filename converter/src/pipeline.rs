@@ -22,12 +22,12 @@ use crate::process;
 use crate::report::{FitReport, InputReport, Lost, Merged, OutputReport, Report};
 use crate::texture::build::TextureError;
 use crate::texture::stage::{TextureReport, Textures};
+use crate::thumbnail;
 use charts::Charted;
 use frame::Frame;
 use marquetry_evaluation::distance;
 use marquetry_format::reader::Document;
 use marquetry_format::source::FileSource;
-use marquetry_format::writer::ColourInput;
 use marquetry_format::{ColourIndex, ContentKind, Limits, Metadata, writer};
 use measure::TRIM_AIM;
 use prepare::{Built, Origin, Prepared};
@@ -129,7 +129,6 @@ impl Conversion<'_> {
         } = self.built(imported, &textures)?;
         self.judge(&error)?;
 
-        self.begin("write")?;
         let metadata = Metadata {
             kind: ContentKind::Scan,
             lattice: frame.lattice,
@@ -149,13 +148,25 @@ impl Conversion<'_> {
                 .unwrap_or_default(),
             generator: concat!("marquetry ", env!("CARGO_PKG_VERSION")).to_owned(),
         };
+        let content = writer::Content {
+            charts: &atlas.charts,
+            clusters: clusters.as_ref().map_or(&[], |layer| &layer.nodes),
+            colour: colour.as_ref(),
+            thumbnail: None,
+        };
+        let thumbnail = self.thumbnail(&content, &metadata)?;
+        self.begin("write")?;
+        let content = writer::Content {
+            thumbnail: thumbnail.as_deref(),
+            ..content
+        };
         let mut textures = textures.report();
         let output = self.write(
             file,
             &metadata,
+            &content,
             &atlas,
             clusters.as_ref(),
-            colour.as_ref(),
             &mut textures,
         )?;
         self.stages.end();
@@ -328,14 +339,31 @@ impl Conversion<'_> {
         Ok(())
     }
 
+    /// A picture of what is to be written, if one is asked for.
+    fn thumbnail(
+        &mut self,
+        content: &writer::Content<'_>,
+        metadata: &Metadata,
+    ) -> Result<Option<Vec<u8>>, ConvertError> {
+        if !self.options.thumbnail {
+            return Ok(None);
+        }
+        self.begin("thumbnail")?;
+        let picture = thumbnail::draw(content, metadata);
+        picture.map(Some).map_err(|source| ConvertError::Thumbnail {
+            path: self.input.to_owned(),
+            source,
+        })
+    }
+
     /// Writes beside the output, reads back, syncs, renames.
     fn write(
         &self,
         mut file: PendingFile,
         metadata: &Metadata,
+        content: &writer::Content<'_>,
         atlas: &build::Atlas,
         clusters: Option<&cluster::Layer>,
-        colour: Option<&ColourInput>,
         textures: &mut TextureReport,
     ) -> Result<OutputReport, ConvertError> {
         let failed = |source| ConvertError::Output {
@@ -351,12 +379,7 @@ impl Conversion<'_> {
         };
         let bytes = {
             let mut out = std::io::BufWriter::new(file.as_file_mut());
-            let content = writer::Content {
-                charts: &atlas.charts,
-                clusters: clusters.map_or(&[], |layer| &layer.nodes),
-                colour,
-            };
-            let bytes = writer::write(metadata, &metadata.lattice, &content, &mut out)
+            let bytes = writer::write(metadata, &metadata.lattice, content, &mut out)
                 .map_err(unreadable)?;
             out.flush().map_err(failed)?;
             bytes

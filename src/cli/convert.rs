@@ -38,6 +38,9 @@ pub(super) struct Arguments {
     /// What becomes charts, that is nested grids of samples, and not clusters of its own triangles, simplified within the target
     #[arg(long, value_enum, default_value_t)]
     charts: WithCharts,
+    /// Put no picture of the model into the file, which the catalogue of `serve` would show
+    #[arg(long)]
+    no_thumbnail: bool,
 }
 
 /// Kinds of content.
@@ -99,6 +102,7 @@ pub(super) fn run(
             Axis::Z => Up::Z,
         },
         memory_bytes: arguments.memory,
+        thumbnail: !arguments.no_thumbnail,
         threads: common.threads.map(std::num::NonZeroUsize::get),
         ..Options::default()
     };

@@ -151,7 +151,7 @@ fn describe(file: &str, report: &Report) -> String {
          made of    {} ({} triangles, {} vertices) by {}\n\
          bounds     {min} to {max}, {} up\n\
          contents   {} charts, {} levels, {} pages\n\
-         bytes      {}: header {}, index {}, geometry {}, normals {}, colour {}\n\
+         bytes      {}: header {}, index {}, geometry {}, normals {}, colour {}, thumbnail {}\n\
          opening    {} in the first read, {} for the first image\n\
          error      {:.2e} rms, at most {:.2e} of the diagonal (target {:.2e})\n",
         report.content_id,
@@ -169,6 +169,7 @@ fn describe(file: &str, report: &Report) -> String {
         size(bytes.geometry),
         size(bytes.normals),
         size(bytes.colour),
+        size(bytes.thumbnail),
         size(report.first_read_bytes),
         size(report.first_image_bytes),
         error.rms_rel,

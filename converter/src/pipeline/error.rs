@@ -3,6 +3,7 @@
 use crate::error::ImportError;
 use crate::quadrangulate::QuadrangulateError;
 use crate::texture::build::TextureError;
+use crate::thumbnail::ThumbnailError;
 use marquetry_evaluation::distance;
 use std::path::PathBuf;
 
@@ -92,6 +93,14 @@ pub enum ConvertError {
         path: PathBuf,
         /// Why.
         source: distance::MeshError,
+    },
+    /// No picture could be made of the model: our fault.
+    #[error("{path}: no thumbnail can be made: {source}; leave it out with --no-thumbnail")]
+    Thumbnail {
+        /// The input.
+        path: PathBuf,
+        /// Why.
+        source: ThumbnailError,
     },
     /// The target is no positive number.
     #[error("the target error must be a number above 0 and at most 1, not {0}")]

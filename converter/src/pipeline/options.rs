@@ -61,6 +61,8 @@ pub struct Options {
     /// Triangles from which on a mesh without colours or images is decimated before charts are made of it, to about half as many
     /// ([`decimate`]).
     pub decimate_above: usize,
+    /// Put a picture of the model into the file ([`crate::thumbnail`]).
+    pub thumbnail: bool,
     /// Triangles up to which a mesh that becomes clusters is kept while it is converted, to measure against, where `memory_bytes` allows it;
     /// of larger ones only points are.
     pub keep_up_to: usize,
@@ -77,6 +79,7 @@ impl Default for Options {
             threads: None,
             samples_per_triangle: 8,
             decimate_above: decimate::MANY,
+            thumbnail: true,
             keep_up_to: decimate::MOST_KEPT,
         }
     }

@@ -124,6 +124,15 @@ impl Sidecar {
 }
 
 impl Entry {
+    /// What kind of content it is, for people.
+    pub(crate) fn kind_in_words(&self) -> &'static str {
+        match self.kind {
+            ContentKind::Scan => "Scan",
+            ContentKind::Terrain => "Terrain",
+            ContentKind::Scene => "Scene",
+        }
+    }
+
     pub(crate) fn new(name: &FileName, facts: &Facts, sidecar: Option<&[u8]>) -> Self {
         let metadata = &facts.metadata;
         let escaped = name.escaped();

@@ -15,7 +15,7 @@ body { margin: 2rem auto; max-width: 72rem; padding: 0 1rem; }\n\
 ul { display: grid; gap: 1rem; grid-template-columns: repeat(auto-fill, minmax(15rem, 1fr)); list-style: none; padding: 0; }\n\
 li { border: 1px solid #8886; border-radius: 8px; overflow: hidden; }\n\
 li a { color: inherit; display: block; text-decoration: none; }\n\
-img, .none { aspect-ratio: 16 / 10; display: block; object-fit: cover; width: 100%; background: #8882; }\n\
+img, .none { aspect-ratio: 4 / 3; display: block; height: auto; object-fit: contain; width: 100%; background: #8882; }\n\
 .none { align-items: center; display: flex; justify-content: center; opacity: .6; }\n\
 h2 { font-size: 1rem; margin: .6rem .8rem .2rem; overflow-wrap: anywhere; }\n\
 p { font-size: .875rem; margin: .2rem .8rem .6rem; opacity: .8; overflow-wrap: anywhere; }\n\
@@ -48,7 +48,8 @@ fn card(html: &mut String, entry: &Entry) -> fmt::Result {
     match &entry.thumbnail_url {
         Some(url) => write!(
             html,
-            "<img loading=\"lazy\" alt=\"\" src=\"{}\">",
+            // The title follows, so it is not said twice.
+            "<img loading=\"lazy\" alt=\"\" width=\"256\" height=\"192\" src=\"{}\">",
             Escaped(url)
         )?,
         None => html.push_str("<span class=\"none\">no picture</span>"),
@@ -56,15 +57,20 @@ fn card(html: &mut String, entry: &Entry) -> fmt::Result {
     write!(html, "<h2>{}</h2>", Escaped(title))?;
     write!(
         html,
-        "<p>{} triangles, {}",
+        "<p>{}, {} triangles, {}",
+        entry.kind_in_words(),
         Grouped(entry.triangles),
         Size(entry.bytes)
     )?;
-    for text in [&sidecar.description, &sidecar.attribution, &sidecar.licence]
-        .into_iter()
-        .flatten()
-    {
-        write!(html, "<br>{}", Escaped(text))?;
+    let texts = [
+        ("", &sidecar.description),
+        ("", &sidecar.attribution),
+        ("Licence: ", &sidecar.licence),
+    ];
+    for (before, text) in texts {
+        if let Some(text) = text {
+            write!(html, "<br>{before}{}", Escaped(text))?;
+        }
     }
     html.push_str("</p></a></li>\n");
     Ok(())

@@ -8,8 +8,10 @@ use crate::source::Sources;
 use axum::http::{HeaderMap, HeaderValue, Response, StatusCode, header};
 use std::sync::Arc;
 
-/// How a PNG begins.
-const PNG: &[u8] = b"\x89PNG\r\n\x1a\n";
+/// Whether `bytes` begin as a WebP file does, which is all that the format allows here.
+fn is_webp(bytes: &[u8]) -> bool {
+    bytes.starts_with(b"RIFF") && bytes.get(8..12) == Some(b"WEBP")
+}
 
 /// Answers with the picture of the file that `path` names.
 pub(crate) async fn thumbnail(
@@ -27,7 +29,7 @@ pub(crate) async fn thumbnail(
         ApiError::from(error)
     })?;
     let picture = picture
-        .filter(|bytes| bytes.starts_with(PNG))
+        .filter(|bytes| is_webp(bytes))
         .ok_or(ApiError::NotFound)?;
     let etag = format!("\"{:032x}\"", xxhash_rust::xxh3::xxh3_128(&picture));
     let mut response = match conditional::evaluate(headers, &etag, None) {
@@ -39,8 +41,8 @@ pub(crate) async fn thumbnail(
         }
         Verdict::Proceed => {
             let mut response = Response::new(Outgoing::from(picture));
-            let png = HeaderValue::from_static("image/png");
-            response.headers_mut().insert(header::CONTENT_TYPE, png);
+            let webp = HeaderValue::from_static("image/webp");
+            response.headers_mut().insert(header::CONTENT_TYPE, webp);
             response
         }
     };

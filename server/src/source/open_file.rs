@@ -13,8 +13,6 @@ use std::time::SystemTime;
 
 /// Section that holds a thumbnail.
 const THUMBNAIL: u32 = marquetry_format::header::SectionKind::Thumbnail as u32;
-/// Bytes of a thumbnail.
-const MAX_THUMBNAIL: u64 = 1 << 20;
 
 /// Where the bytes of one version are.
 #[derive(Debug)]
@@ -349,7 +347,7 @@ impl OpenFile {
         Ok(())
     }
 
-    /// The picture stored in the file, a PNG; `None` when there is none.
+    /// The picture stored in the file, a WebP file; `None` when there is none.
     pub(crate) async fn thumbnail(&self) -> Result<Option<Bytes>, ReadError> {
         let section = self.look(|document| {
             let sections = &document.header().sections;
@@ -360,7 +358,7 @@ impl OpenFile {
         let Some((range, checksum)) = section else {
             return Ok(None);
         };
-        if range.end.saturating_sub(range.start) > MAX_THUMBNAIL {
+        if range.end.saturating_sub(range.start) > marquetry_format::thumbnail::MAX_BYTES {
             return Ok(None);
         }
         let bytes = self.read(range.clone()).await?;

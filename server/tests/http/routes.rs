@@ -1,6 +1,6 @@
 //! Everything but byte ranges: pages, catalogue, viewer, headers, names, deadlines, the end.
 
-use crate::support::{Running, marq, textured_marq};
+use crate::support::{PICTURE, Running, marq, pictured_marq, textured_marq};
 use marquetry_format::source::SliceSource;
 use marquetry_format::{ColourIndex, Document, Limits, PageId, TileId};
 use marquetry_server::{Config, Server, ServerError};
@@ -141,6 +141,67 @@ fn the_catalogue_lists_what_can_be_served() {
     let json: serde_json::Value =
         serde_json::from_slice(&server.get("/api/catalogue").body).unwrap();
     assert_eq!(json["files"].as_array().unwrap().len(), 1);
+}
+
+#[test]
+fn the_picture_in_a_file_is_served_and_shown_in_the_catalogue() {
+    let (folder, server, _, plain) = one_file();
+    let bytes = pictured_marq(3);
+    std::fs::write(folder.path().join("b.marq"), &bytes).unwrap();
+    let about = br#"{"title":"A <statue>","attribution":"Somebody","licence":"CC-BY-4.0"}"#;
+    std::fs::write(folder.path().join("b.json"), about).unwrap();
+    let id = Document::open(&bytes, Limits::default())
+        .unwrap()
+        .content_id_hex();
+    let json: serde_json::Value =
+        serde_json::from_slice(&server.get("/api/catalogue").body).unwrap();
+    let [a, b] = [0, 1].map(|at| &json["files"][at]);
+    assert!(a["thumbnail_url"].is_null(), "{a}");
+    assert_eq!(b["thumbnail_url"], format!("/thumbnails/b/{id}"));
+    assert_eq!(
+        (&b["title"], &b["licence"]),
+        (&"A <statue>".into(), &"CC-BY-4.0".into())
+    );
+
+    let path = b["thumbnail_url"].as_str().unwrap();
+    let answer = server.get(path);
+    assert_eq!(answer.status, 200);
+    assert_eq!(answer.header("content-type"), Some("image/webp"));
+    let cache = answer.header("cache-control").unwrap();
+    assert_eq!(cache, "public, max-age=31536000, immutable");
+    assert!(answer.body == PICTURE);
+    let etag = answer.header("etag").unwrap().to_owned();
+    let again = server.send("GET", path, &[("If-None-Match", &etag)]);
+    assert_eq!((again.status, again.body.len()), (304, 0));
+    let none = server.get(&format!("/thumbnails/a/{}", plain.content_id_hex()));
+    assert_eq!(none.status, 404);
+
+    let page = String::from_utf8(server.get("/catalogue").body).unwrap();
+    assert_eq!(page.matches("<img").count(), 1, "{page}");
+    for words in [
+        &format!("src=\"{path}\""),
+        "A &lt;statue&gt;",
+        "Scan, 7 triangles",
+        "Somebody",
+        "Licence: CC-BY-4.0",
+        "no picture",
+    ] {
+        assert!(page.contains(words), "{words} is not in {page}");
+    }
+}
+
+#[test]
+fn a_damaged_picture_is_an_error_and_no_picture() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut bytes = pictured_marq(3);
+    let last = bytes.len() - 1;
+    bytes[last] ^= 1;
+    std::fs::write(folder.path().join("a.marq"), &bytes).unwrap();
+    let server = serve(folder.path());
+    let document = Document::open(&bytes, Limits::default()).unwrap();
+    let path = format!("/thumbnails/a/{}", document.content_id_hex());
+    assert!(server.get(&path).status >= 500);
+    assert_eq!(server.get("/files/a.marq").status, 200);
 }
 
 #[test]

@@ -68,11 +68,23 @@ async function showCatalogue() {
     ...files.map((file) => {
       const link = document.createElement("a");
       link.href = `?file=${encodeURIComponent(file.name)}`;
+      const picture = document.createElement(file.thumbnail_url ? "img" : "span");
+      picture.className = "picture";
+      if (file.thumbnail_url) {
+        // The name follows, so it is not said twice.
+        Object.assign(picture, { alt: "", loading: "lazy", width: 256, height: 192, src: file.thumbnail_url });
+      }
       const title = document.createElement("strong");
-      title.textContent = file.name;
+      title.textContent = file.title ?? file.name;
       const facts = document.createElement("span");
       facts.textContent = `${compact.format(file.triangles)} triangles · ${bytes(file.bytes)}`;
-      link.append(title, facts);
+      link.append(picture, title, facts);
+      for (const text of [file.attribution, file.licence]) {
+        if (!text) continue;
+        const line = document.createElement("small");
+        line.textContent = text;
+        link.append(line);
+      }
       const item = document.createElement("li");
       item.append(link);
       return item;

@@ -8,9 +8,11 @@ pub mod converted;
 pub mod data;
 pub mod http;
 pub mod meshes;
+pub mod network;
 pub mod ply;
 pub mod raster;
 pub mod server;
+pub mod stability;
 pub mod stage;
 pub mod textured;
 

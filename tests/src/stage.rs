@@ -7,7 +7,7 @@ use anyhow::{Context, Result, bail, ensure};
 use glam::{DMat4, DVec2, DVec3};
 use marquetry_engine::camera::View;
 use marquetry_engine::lod::mesh::extract_mesh_in_motion;
-use marquetry_engine::{Camera, Viewer, ViewerOptions, Viewport};
+use marquetry_engine::{Camera, Request, Viewer, ViewerOptions, Viewport};
 use marquetry_evaluation::image::{Image, Mask};
 use marquetry_format::{ByteSource, PageId, SliceSource};
 use marquetry_native::{Headless, Session};
@@ -74,23 +74,18 @@ impl Stage {
         Ok(())
     }
 
-    /// One update; what it asks for is delivered before the next. Returns how many requests that were.
+    /// One update, without any answer. Returns what it asks for.
     ///
     /// # Errors
-    /// When the viewer asks for bytes that the file does not have, or complains about those it got.
-    pub fn step(&mut self) -> Result<usize> {
+    /// When the cache is over its budget.
+    pub fn update(&mut self) -> Result<Vec<Request>> {
         let viewport = self.viewport;
         let requests = self.viewer().update(STEP_SECONDS, viewport);
-        let count = requests.len();
-        for request in requests {
-            let bytes = self
-                .source
-                .read(request.range.clone())
-                .with_context(|| format!("{request:?}"))?;
-            self.viewer().deliver(request.id, Ok(bytes));
-        }
-        let failures = self.viewer().take_failures();
-        ensure!(failures.is_empty(), "the viewer complains: {failures:?}");
+        self.check_budget()?;
+        Ok(requests)
+    }
+
+    fn check_budget(&mut self) -> Result<()> {
         let cache = self.viewer().stats().cache;
         ensure!(
             cache.used_bytes <= cache.capacity_bytes,
@@ -98,6 +93,33 @@ impl Stage {
             cache.used_bytes,
             cache.capacity_bytes
         );
+        Ok(())
+    }
+
+    /// The bytes that `request` asks for.
+    ///
+    /// # Errors
+    /// When the file does not have them.
+    pub fn read(&self, request: &Request) -> Result<Vec<u8>> {
+        self.source
+            .read(request.range.clone())
+            .with_context(|| format!("{request:?}"))
+    }
+
+    /// One update; what it asks for is delivered before the next. Returns how many requests that were.
+    ///
+    /// # Errors
+    /// When the viewer asks for bytes that the file does not have, or complains about those it got.
+    pub fn step(&mut self) -> Result<usize> {
+        let requests = self.update()?;
+        let count = requests.len();
+        for request in requests {
+            let bytes = self.read(&request)?;
+            self.viewer().deliver(request.id, Ok(bytes));
+        }
+        let failures = self.viewer().take_failures();
+        ensure!(failures.is_empty(), "the viewer complains: {failures:?}");
+        self.check_budget()?;
         Ok(count)
     }
 

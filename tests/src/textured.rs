@@ -3,12 +3,19 @@
 //! Every pixel is the mean, in linear light, of 4 × 4 points; at each the nearest triangle's texture is sampled
 //! bilinearly. No light falls on it. Limit: no clipping; triangles that reach behind the eye are left out.
 
-use anyhow::{Context, Result};
+use crate::raster::AROUND_FOUR_SAMPLES;
+use crate::stage::Stage;
+use anyhow::{Context, Result, ensure};
 use glam::{DMat4, DVec2, DVec3, Vec2, Vec3};
+use marquetry_converter::import;
 use marquetry_converter::mesh::ImportedMesh;
 use marquetry_converter::texture::images::ImageStore;
 use marquetry_converter::texture::light::Light;
-use marquetry_evaluation::image::Mask;
+use marquetry_engine::{Shade, Transition, ViewerOptions, Viewport};
+use marquetry_evaluation::image::{Image, Mask, ssim};
+use marquetry_native::Headless;
+use std::path::Path;
+use std::sync::Arc;
 
 /// Points of a pixel along each axis.
 const POINTS: usize = 4;
@@ -20,6 +27,47 @@ pub struct Direct {
     pub rgba: Vec<u8>,
     /// Covered pixels.
     pub mask: Mask,
+}
+
+/// Size of the pictures that [`similarity`] compares.
+const SIZE: (u32, u32) = (640, 480);
+
+/// SSIM between the settled picture of the file `marq` and direct texturing of its source, over the pixels that both cover but for their
+/// rim, from a standard view and so many radii.
+///
+/// # Errors
+/// When a file cannot be read or drawn, or hardly anything is seen.
+pub fn similarity(
+    headless: &Headless,
+    input: &Path,
+    marq: &Path,
+    view: usize,
+    distance: f64,
+) -> Result<f64> {
+    let bytes: Arc<[u8]> = std::fs::read(marq)?.into();
+    let options = ViewerOptions {
+        shade: Shade::Unlit,
+        transition: Transition::None,
+        ..ViewerOptions::default()
+    };
+    let viewport = Viewport::new(SIZE.0, SIZE.1);
+    let mut stage = Stage::open(headless, bytes, options, viewport)?;
+    stage.look_from(view, distance)?;
+    stage.settle()?;
+    let shown = stage.draw()?;
+    let inside = stage.inside(&AROUND_FOUR_SAMPLES)?;
+    let lattice = stage.viewer().document().metadata.lattice;
+    let lattice_from_world = DMat4::from_scale(DVec3::splat(1.0 / lattice.step))
+        * DMat4::from_translation(-DVec3::from_array(lattice.origin));
+    let clip = stage.picture(&[]).clip_from_position * lattice_from_world;
+    let (mesh, _) = import::import(input)?;
+    let (width, height) = (SIZE.0 as usize, SIZE.1 as usize);
+    let direct = draw(&mesh, clip, width, height)?;
+    let mask = inside.intersection(&direct.mask.eroded())?;
+    ensure!(mask.count() > 2_000, "{} pixels", mask.count());
+    let shown = Image::new(width, height, &shown)?;
+    let direct = Image::new(width, height, &direct.rgba)?;
+    ssim(shown, direct, &mask)?.context("no pixel to compare")
 }
 
 /// Draws `mesh`, whose positions `clip_from_position` takes to clip coordinates.
@@ -38,11 +86,10 @@ pub fn draw(
     let size = DVec2::new(columns as f64, rows as f64);
     let mut nearest = vec![(f64::INFINITY, Vec3::ZERO); columns * rows];
     for (triangle, face) in mesh.triangles.iter().zip(&mesh.appearance.faces) {
-        let Some(material) = mesh.appearance.materials.get(face.material as usize) else {
-            continue;
-        };
-        let texels = images.get(material.image.context("an image")?)?;
-        let image_size = Vec2::new(texels.width as f32, texels.height as f32);
+        let material = mesh.appearance.materials.get(face.material as usize);
+        // What has no material is drawn white.
+        let material = material.copied().unwrap_or_default();
+        let texels = material.image.map(|image| images.get(image)).transpose()?;
         let clip = triangle.map(|v| clip_from_position * mesh.positions[v as usize].extend(1.0));
         if clip.iter().any(|c| c.w <= 0.0) {
             continue;
@@ -54,7 +101,10 @@ pub fn draw(
             if distance < nearest[at].0 {
                 let weights = (inverse * distance).as_vec3();
                 let uv = face.uv[0] * weights.x + face.uv[1] * weights.y + face.uv[2] * weights.z;
-                let colour = texels.sample(&light, uv * image_size, material.wrap);
+                let colour = texels.as_ref().map_or(Vec3::ONE, |texels| {
+                    let size = Vec2::new(texels.width as f32, texels.height as f32);
+                    texels.sample(&light, uv * size, material.wrap)
+                });
                 nearest[at] = (distance, colour * material.factor);
             }
         });

@@ -2,64 +2,17 @@
 
 #![allow(clippy::unwrap_used, reason = "a failed unwrap fails the test")]
 
-use glam::{DMat4, DVec3};
-use marquetry_converter::import;
-use marquetry_engine::{Shade, Transition, ViewerOptions, Viewport};
-use marquetry_evaluation::image::{Image, ssim};
 use marquetry_native::Headless;
-use marquetry_tests::stage::Stage;
 use marquetry_tests::{Converted, WITH_CHARTS, arguments, convert, data, marquetry, textured};
 use serde_json::Value;
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
 use tempfile::TempDir;
-
-const SIZE: (u32, u32) = (640, 480);
-
-fn options() -> ViewerOptions {
-    ViewerOptions {
-        shade: Shade::Unlit,
-        transition: Transition::None,
-        ..ViewerOptions::default()
-    }
-}
-
-/// SSIM between the settled picture and direct texturing, over the pixels that both cover but for their rim.
-fn similarity(
-    headless: &Headless,
-    input: &Path,
-    file: &Converted,
-    view: usize,
-    distance: f64,
-) -> f64 {
-    let bytes: Arc<[u8]> = std::fs::read(&file.path).unwrap().into();
-    let viewport = Viewport::new(SIZE.0, SIZE.1);
-    let mut stage = Stage::open(headless, bytes, options(), viewport).unwrap();
-    stage.look_from(view, distance).unwrap();
-    stage.settle().unwrap();
-    let shown = stage.draw().unwrap();
-    let inside = stage
-        .inside(&marquetry_tests::raster::AROUND_FOUR_SAMPLES)
-        .unwrap();
-    let lattice = stage.viewer().document().metadata.lattice;
-    let lattice_from_world = DMat4::from_scale(DVec3::splat(1.0 / lattice.step))
-        * DMat4::from_translation(-DVec3::from_array(lattice.origin));
-    let clip = stage.picture(&[]).clip_from_position * lattice_from_world;
-    let (mesh, _) = import::import(input).unwrap();
-    let (width, height) = (SIZE.0 as usize, SIZE.1 as usize);
-    let direct = textured::draw(&mesh, clip, width, height).unwrap();
-    let mask = inside.intersection(&direct.mask.eroded()).unwrap();
-    assert!(mask.count() > 2_000, "{} pixels", mask.count());
-    let [shown, direct] =
-        [&shown, &direct.rgba].map(|rgba| Image::new(width, height, rgba).unwrap());
-    ssim(shown, direct, &mask).unwrap().unwrap()
-}
 
 /// Near and far the picture looks as the source does.
 fn assert_similar(input: &Path, file: &Converted) {
     let headless = Headless::new().unwrap();
     for (view, distance, least) in [(0, 2.5, 0.9), (4, 2.5, 0.9), (0, 1.2, 0.85), (0, 8.0, 0.9)] {
-        let ssim = similarity(&headless, input, file, view, distance);
+        let ssim = textured::similarity(&headless, input, &file.path, view, distance).unwrap();
         println!("view {view} at {distance}: SSIM {ssim:.4}");
         assert!(ssim >= least, "view {view} at {distance}: SSIM {ssim}");
     }

@@ -13,6 +13,7 @@ mod package;
 mod process;
 mod project;
 mod setup;
+mod stability;
 mod steps;
 mod test;
 mod tools;
@@ -35,6 +36,8 @@ usage: cargo xtask COMMAND
   layering      check that the crates know only whom they may
   bless         write the golden files anew from the present code
   setup-tests   install what tests need from PyPI: an S3 server, HTTP checkers, another measure of distances
+  stability [WORDS]
+                every case that methods fail on, into docs/stability.md (30 minutes), or those with all WORDS in their names
   bench-server [FILE]
                 throughput beside nginx, slow clients, 10 000 idle connections (5 minutes)
   soak [REQUESTS]
@@ -67,6 +70,7 @@ fn dispatch(arguments: &[String]) -> Result<ExitCode> {
         ["setup-tests"] => setup::ensure(&[setup::Need::Python])
             .and_then(|()| tools::install(&Project::locate()?))
             .map(done),
+        ["stability", words @ ..] => stability::run(&Project::locate()?, words).map(done),
         ["bench-server"] => traffic::bench::run(&Project::locate()?, None).map(done),
         ["bench-server", file] => {
             traffic::bench::run(&Project::locate()?, Some(Path::new(file))).map(done)

@@ -4,9 +4,11 @@
 //! are the same point are the same bits in every chart and at every resolution.
 
 mod clusters;
+mod crown;
 mod wall;
 
 pub use clusters::{clustered, clustered_with};
+pub use crown::Crown;
 pub use wall::Wall;
 
 use crate::lod::balance;
@@ -103,6 +105,8 @@ pub enum Shape {
     Torus,
     /// Two charts side by side that open to the other sides.
     Strip,
+    /// As many charts around a corner as one likes, closed.
+    Crown(Crown),
 }
 
 impl Shape {
@@ -111,12 +115,14 @@ impl Shape {
             Self::Cube => 6,
             Self::Torus => 1,
             Self::Strip => 2,
+            Self::Crown(crown) => crown.chart_count(),
         }
     }
 
     /// The surface at (u, v) of `chart`: position within the unit ball, and outward normal.
     fn at(self, chart: u32, u: f64, v: f64) -> (DVec3, DVec3) {
         match self {
+            Self::Crown(crown) => crown.at(chart, u, v),
             Self::Cube => {
                 let [origin, along_u, along_v] = cube_face(chart);
                 let direction =
@@ -155,6 +161,7 @@ impl Shape {
             })
         };
         match self {
+            Self::Crown(crown) => crown.glue(chart, side),
             Self::Torus => to(0, (side + 2) % 4),
             Self::Strip => match (chart, side) {
                 (0, 1) => to(1, 3),

@@ -1,90 +1,9 @@
-//! The meshes, by formula.
+//! The meshes.
 
+use super::soup::{Soup, signed};
 use glam::{DVec2, DVec3};
 use std::collections::{BTreeMap, BTreeSet};
 use std::f64::consts::{PI, TAU};
-use std::fmt::Write as _;
-
-/// A mesh of any kind.
-#[derive(Debug, Clone, Default)]
-pub(crate) struct Soup {
-    pub(crate) positions: Vec<DVec3>,
-    pub(crate) triangles: Vec<[u32; 3]>,
-}
-
-/// 64 bits that look random and depend on two numbers alone (splitmix64).
-fn bits(seed: u64, counter: u64) -> u64 {
-    let mut z = seed
-        .wrapping_mul(0x9E37_79B9_7F4A_7C15)
-        .wrapping_add(counter.wrapping_add(1).wrapping_mul(0xD1B5_4A32_D192_ED03));
-    z = (z ^ (z >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
-    z = (z ^ (z >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
-    z ^ (z >> 31)
-}
-
-/// −1..1.
-fn signed(seed: u64, counter: u64) -> f64 {
-    (bits(seed, counter) >> 11) as f64 / (1u64 << 52) as f64 - 1.0
-}
-
-impl Soup {
-    pub(crate) fn obj(&self) -> String {
-        let mut text = String::new();
-        // Writing to a string does not fail.
-        for p in &self.positions {
-            let _ = writeln!(text, "v {} {} {}", p.x, p.y, p.z);
-        }
-        for [a, b, c] in &self.triangles {
-            let _ = writeln!(text, "f {} {} {}", a + 1, b + 1, c + 1);
-        }
-        text
-    }
-
-    fn vertex(&mut self, p: DVec3) -> u32 {
-        self.positions.push(p);
-        self.positions.len() as u32 - 1
-    }
-
-    fn quad(&mut self, [a, b, c, d]: [u32; 4]) {
-        self.triangles.extend([[a, b, c], [a, c, d]]);
-    }
-
-    /// This and `other`.
-    pub(crate) fn with(mut self, other: &Self) -> Self {
-        let first = self.positions.len() as u32;
-        self.positions.extend(&other.positions);
-        self.triangles
-            .extend(other.triangles.iter().map(|t| t.map(|v| v + first)));
-        self
-    }
-
-    /// Every vertex moved by up to `length` along each axis.
-    pub(crate) fn shaken(mut self, length: f64, seed: u64) -> Self {
-        for (n, p) in (0u64..).zip(&mut self.positions) {
-            *p += length * DVec3::from_array([0, 1, 2].map(|axis| signed(seed, 3 * n + axis)));
-        }
-        self
-    }
-
-    /// About half of the triangles turned round.
-    pub(crate) fn half_flipped(mut self, seed: u64) -> Self {
-        for (n, t) in (0u64..).zip(&mut self.triangles) {
-            if bits(seed, n) & 1 == 1 {
-                t.swap(1, 2);
-            }
-        }
-        self
-    }
-
-    /// One vertex in `every` pulled out to `length` times its distance from the origin.
-    pub(crate) fn spiked(mut self, length: f64, every: usize) -> Self {
-        let step = self.positions.len() / every;
-        for p in self.positions.iter_mut().skip(step / 2).step_by(step) {
-            *p *= length;
-        }
-        self
-    }
-}
 
 pub(crate) fn triangle() -> Soup {
     Soup {
@@ -484,4 +403,19 @@ pub(crate) fn bracket(around: u32) -> Soup {
         *p = DVec3::new(8.0 + p.y, 8.0 + p.z, p.x);
     }
     soup.with(&boss)
+}
+
+/// Sheets side by side, of so many cells each: their borders lie on each other, and few of their vertices meet.
+pub(crate) fn t_junctions(cells: &[u32]) -> Soup {
+    let mut soup = Soup::default();
+    for (n, &cells) in (0u32..).zip(cells) {
+        let height = |p: DVec3| DVec3::new(p.x + f64::from(n), p.y, 0.05 * (PI * p.x).sin());
+        soup = soup.with(&sheet(cells, |_, _| false).map(height));
+    }
+    soup
+}
+
+/// A flat sheet of `cells`² cells.
+pub(crate) fn flat(cells: u32) -> Soup {
+    sheet(cells, |_, _| false).map(|p| p.with_z(0.0))
 }

@@ -3,6 +3,7 @@
 //! Each command sets up what it misses, says what it does and how long that may take, and repeats nothing
 //! that is up to date.
 
+mod bench;
 mod bless;
 mod browser;
 mod conformance;
@@ -38,6 +39,8 @@ usage: cargo xtask COMMAND
   setup-tests   install what tests need from PyPI: an S3 server, HTTP checkers, another measure of distances
   stability [WORDS]
                 every case that methods fail on, into docs/stability.md (30 minutes), or those with all WORDS in their names
+  bench [REVISION]
+                what conversion, decoding, cuts and frames take beside REVISION, into docs/measurements.md (20 minutes)
   bench-server [FILE]
                 throughput beside nginx, slow clients, 10 000 idle connections (5 minutes)
   soak [REQUESTS]
@@ -71,6 +74,8 @@ fn dispatch(arguments: &[String]) -> Result<ExitCode> {
             .and_then(|()| tools::install(&Project::locate()?))
             .map(done),
         ["stability", words @ ..] => stability::run(&Project::locate()?, words).map(done),
+        ["bench"] => bench::run(&Project::locate()?, None).map(done),
+        ["bench", revision] => bench::run(&Project::locate()?, Some(revision)).map(done),
         ["bench-server"] => traffic::bench::run(&Project::locate()?, None).map(done),
         ["bench-server", file] => {
             traffic::bench::run(&Project::locate()?, Some(Path::new(file))).map(done)

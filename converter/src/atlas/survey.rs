@@ -6,7 +6,7 @@
 //! Chou, Lookabaugh, Gray, "Optimal pruning", 1989), and λ is the highest at which the whole surface meets its goal,
 //! 2:1 balance included. Trees are grown only where a deeper node could pay at the present λ.
 //!
-//! The largest error is brought down after that, worst place first, within a budget of half as many samples again: at creases that
+//! The largest error is brought down after that, worst place first, within a budget of two thirds as many samples again: at creases that
 //! no chart's side follows it halves only when a row of nodes is refined, which no other measure of error pays for.
 //!
 //! Limit: errors are estimates at points of the source, of samples that lie on it.
@@ -24,9 +24,8 @@ use std::collections::{BTreeMap, BTreeSet};
 const DEEPEST_LEVEL: u8 = 6;
 /// A node is refined until its largest distance is at most this many targets, while the budget for that lasts.
 pub(crate) const MAX_OVER_TARGET: f64 = 10.0;
-/// Of the samples that the mean error needs, one of so many more may be spent on the largest error, and
-/// [`WORST_BUDGET`] in any case.
-const WORST_PART: u64 = 2;
+/// So many samples may be spent on the largest error for so many that the mean one needs, and [`WORST_BUDGET`] in any case.
+const WORST_PART: [u64; 2] = [2, 3];
 const WORST_BUDGET: u64 = 16 * 1024;
 /// Times that depth is chosen anew for what mending the largest error did to the mean one.
 const PASSES: usize = 5;
@@ -301,7 +300,7 @@ impl<'a> Survey<'a> {
     /// Refines where the largest error is above its limit, worst first.
     fn mend_worst(&mut self, depth: &mut Depth) {
         let limit = MAX_OVER_TARGET * self.surface.target;
-        let mut budget = count(depth) / WORST_PART + WORST_BUDGET;
+        let mut budget = count(depth) * WORST_PART[0] / WORST_PART[1] + WORST_BUDGET;
         for _ in 0..ROUNDS {
             let mut bad: Vec<(f64, NodeId)> = Vec::new();
             for (chart, trials) in self.trials.iter().enumerate() {

@@ -193,6 +193,9 @@ fn covered(places: [i64; 3], count: usize) -> Option<std::ops::Range<usize>> {
     (!range.is_empty()).then_some(range)
 }
 
+/// Cosine of the angle to the eye from which on a normal tells the side.
+const CLEARLY: f32 = 0.25;
+
 /// The viewer's light (`shared/light.wgsl`) on a surface; it comes with the eye.
 fn lit(normal: Vec3, is_front: bool) -> Vec3 {
     const SKY: Vec3 = Vec3::new(0.27, 0.30, 0.35);
@@ -201,8 +204,8 @@ fn lit(normal: Vec3, is_front: bool) -> Vec3 {
     const TO_KEY: Vec3 = Vec3::new(-0.481_92, 0.525_73, 0.700_97);
     // Zero where normals cancel.
     let normal = normal.try_normalize().unwrap_or(Vec3::Z);
-    // As in the viewer: a triangle may be turned over where its surface is not.
-    let normal = if is_front || normal.z > 0.0 {
+    // As in the viewer (`grid.wgsl`): a triangle may be turned over where its surface is not.
+    let normal = if is_front || normal.z > CLEARLY {
         normal
     } else {
         -normal

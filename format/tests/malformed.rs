@@ -824,9 +824,9 @@ fn every_cut_is_noticed() {
 fn ignorable_sections_are_skipped_but_checked() {
     let file = changed(&tiny(), |parts| {
         parts.sections.push(Part {
-            kind: 21,
+            kind: 20,
             flags: 0,
-            body: b"preview".to_vec(),
+            body: b"proxy".to_vec(),
         });
         parts.sections.insert(
             3,

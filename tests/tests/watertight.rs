@@ -39,8 +39,8 @@ fn is_looked_at(state: usize, view: usize, distance: usize) -> bool {
     wants_all_views() || (state + view + distance).is_multiple_of(DISTANCES.len())
 }
 
-/// Draws pictures of a file and asserts that none has a hole.
-fn assert_no_holes(name: &str, marq: &Path) {
+/// Draws pictures of a file, with an error of so many pixels, and asserts that none has a hole.
+fn assert_no_holes(name: &str, marq: &Path, error_px: f64) {
     let bytes: Arc<[u8]> = std::fs::read(marq).unwrap().into();
     let headless = Headless::new().unwrap();
     let (mut pictures, mut wanted) = (0, 0);
@@ -49,7 +49,7 @@ fn assert_no_holes(name: &str, marq: &Path) {
     let mut has_charts = false;
     for (state, share) in SHARES.into_iter().enumerate() {
         let mut stage =
-            Stage::open(&headless, Arc::clone(&bytes), options(1.0), viewport()).unwrap();
+            Stage::open(&headless, Arc::clone(&bytes), options(error_px), viewport()).unwrap();
         stage.let_through(share, state as u64);
         has_charts = !stage.viewer().document().charts.is_empty();
         // In an order of its own, so that each view is reached from others in each state.
@@ -173,7 +173,8 @@ fn torus(folder: &Path) -> PathBuf {
 fn torus_has_no_holes() {
     let folder = TempDir::new().unwrap();
     let marq = torus(folder.path());
-    assert_no_holes("torus", &marq);
+    // Its base alone shows it to about a pixel.
+    assert_no_holes("torus", &marq, 0.5);
     assert_finest_covers_export("torus", &marq);
 }
 
@@ -183,7 +184,7 @@ fn dragon_has_no_holes() {
         return;
     };
     let marq = convert(&input, WITH_CHARTS).unwrap().path;
-    assert_no_holes("dragon", &marq);
+    assert_no_holes("dragon", &marq, 1.0);
     assert_finest_covers_export("dragon", &marq);
 }
 
@@ -194,7 +195,7 @@ fn armadillo_has_no_holes() {
     };
     for way in BOTH_WAYS {
         let marq = convert(&input, way).unwrap().path;
-        assert_no_holes("armadillo", &marq);
+        assert_no_holes("armadillo", &marq, 1.0);
         assert_finest_covers_export("armadillo", &marq);
     }
 }

@@ -56,9 +56,9 @@ fn scan(project: &Project, path: Option<PathBuf>) -> Result<PathBuf> {
         return Ok(input);
     }
     let output = project.demo().join(format!("{}.marq", stem(&input)));
-    // A file of an older format version is as good as none.
-    let readable = || process::succeeds(Command::new(project.binary()).arg("info").arg(&output));
-    if setup::newer(&output, &input) && readable() {
+    // What an older converter made is as good as none.
+    let is_newest = |than: &Path| setup::newer(&output, than);
+    if is_newest(&input) && is_newest(&project.binary()) {
         println!("  {} is up to date", output.display());
         return Ok(output);
     }

@@ -20,7 +20,8 @@ pub use files::DIFFICULT;
 pub use named::missing_tests;
 pub use table::{Row, Tally, document};
 
-use anyhow::Result;
+use anyhow::{Context, Result, ensure};
+use serde_json::Value;
 use std::time::Instant;
 
 /// A part of the list.
@@ -192,6 +193,24 @@ impl Case {
             seconds: start.elapsed().as_secs_f64(),
         }
     }
+}
+
+/// A number of a conversion's report.
+fn number(report: &Value, pointer: &str) -> Result<f64> {
+    let value = report.pointer(pointer).and_then(Value::as_f64);
+    value.with_context(|| format!("no {pointer} in {report}"))
+}
+
+/// RMS distance, the largest one and its bound, which are as they should be.
+fn errors(report: &Value) -> Result<[f64; 3]> {
+    let [rms, largest, bound, target] = [
+        number(report, "/error/rms_rel")?,
+        number(report, "/error/hausdorff_rel")?,
+        number(report, "/error/max_rel")?,
+        number(report, "/error/target_rel")?,
+    ];
+    ensure!(rms <= target && largest <= bound, "{report}");
+    Ok([rms, largest, bound])
 }
 
 #[cfg(test)]

@@ -38,9 +38,9 @@ usage: cargo xtask COMMAND
   bless         write the golden files anew from the present code
   setup-tests   install what tests need from PyPI: an S3 server, HTTP checkers, another measure of distances
   stability [WORDS]
-                every case that methods fail on, into docs/stability.md (30 minutes), or those with all WORDS in their names
+                every case that methods fail on, into docs/stability.md, or those with all WORDS in their names
   bench [REVISION]
-                what conversion, decoding, cuts and frames take beside REVISION, into docs/measurements.md (20 minutes)
+                what conversion, decoding, cuts and frames take beside REVISION, into docs/measurements.md
   bench-server [FILE]
                 throughput beside nginx, slow clients, 10 000 idle connections (5 minutes)
   soak [REQUESTS]

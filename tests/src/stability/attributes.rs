@@ -1,8 +1,8 @@
 //! Colours, materials and texture coordinates of a made-up sheet, compared with direct texturing of it.
 
-use super::{Case, Found, Outcome, Part};
+use super::{Case, Found, Outcome, Part, errors, number};
 use crate::{BOTH_WAYS, Finished, arguments, marquetry, textured};
-use anyhow::{Context, Result, ensure};
+use anyhow::{Result, ensure};
 use marquetry_native::Headless;
 use serde_json::Value;
 use std::ffi::OsString;
@@ -87,26 +87,14 @@ fn dressed(dress: Dress, least: f64, way: &[&str]) -> Result<Found> {
     let verified =
         marquetry(&arguments!["verify", &output, "--json", "-"]).and_then(Finished::json)?;
     ensure!(verified["ok"] == Value::Bool(true), "{verified}");
-    let number = |pointer: &str| {
-        let value = report.pointer(pointer).and_then(Value::as_f64);
-        value.with_context(|| format!("no {pointer} in {report}"))
-    };
-    let [rms, largest, bound] = [
-        number("/error/rms_rel")?,
-        number("/error/hausdorff_rel")?,
-        number("/error/max_rel")?,
-    ];
-    ensure!(
-        rms <= number("/error/target_rel")? && largest <= bound,
-        "{report}"
-    );
-    ensure!(number("/lost/triangles")? == 0.0, "{report}");
+    let [rms, largest, bound] = errors(&report)?;
+    ensure!(number(&report, "/lost/triangles")? == 0.0, "{report}");
     let warnings = report["textures"]["warnings"]
         .as_array()
         .map_or(0, Vec::len);
     let warns = matches!(dress, Dress::Missing | Dress::NoImage);
     ensure!((warnings > 0) == warns, "{}", report["textures"]);
-    let images = number("/textures/clusters")? + number("/textures/tiles")?;
+    let images = number(&report, "/textures/clusters")? + number(&report, "/textures/tiles")?;
     let has_images = !matches!(dress, Dress::NoImage | Dress::Colours);
     ensure!((images > 0.0) == has_images, "{}", report["textures"]);
     let mut words = format!(

@@ -1,8 +1,8 @@
 //! Large meshes within `--memory`.
 
-use super::{Case, Found, Outcome, Part};
+use super::{Case, Found, Outcome, Part, errors, number};
 use crate::{arguments, marquetry, meshes, ply};
-use anyhow::{Context, Result, ensure};
+use anyhow::{Result, ensure};
 
 /// What the conversion may take.
 const MEMORY: u64 = 2 << 30;
@@ -33,20 +33,8 @@ fn large() -> Result<Found> {
         "-"
     ];
     let report = marquetry(&run)?.json()?;
-    let number = |pointer: &str| {
-        let value = report.pointer(pointer).and_then(serde_json::Value::as_f64);
-        value.with_context(|| format!("no {pointer} in {report}"))
-    };
-    let [rms, largest, bound] = [
-        number("/error/rms_rel")?,
-        number("/error/hausdorff_rel")?,
-        number("/error/max_rel")?,
-    ];
-    ensure!(
-        rms <= number("/error/target_rel")? && largest <= bound,
-        "{report}"
-    );
-    let resident = number("/peak_rss_bytes")?;
+    let [rms, largest, bound] = errors(&report)?;
+    let resident = number(&report, "/peak_rss_bytes")?;
     ensure!(resident <= MEMORY as f64, "{resident} bytes are resident");
     marquetry(&arguments!["verify", &output])?.succeeded()?;
     Ok(Found {
@@ -54,7 +42,7 @@ fn large() -> Result<Found> {
             "{} triangles, {:.0} MiB, {:.0} s",
             report["input"]["triangles"],
             resident / f64::from(1 << 20),
-            number("/seconds")?
+            number(&report, "/seconds")?
         ),
         rms_rel: Some(rms),
         largest_rel: Some([largest, bound]),

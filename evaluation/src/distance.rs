@@ -9,11 +9,13 @@
 //! Limit: a maximum over samples is a lower bound of the Hausdorff distance. It says nothing of what lies
 //! between two samples; the guaranteed bound comes from the converter.
 
+mod borders;
 mod bvh;
 mod indexed;
 mod sampling;
 mod triangle;
 
+pub use borders::Borders;
 pub use bvh::{Bvh, Closest};
 pub use indexed::Indexed;
 pub use triangle::{closest_point, normal};

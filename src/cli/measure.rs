@@ -9,7 +9,7 @@ use super::reference::Reference;
 use super::surface::{self, Wanted};
 use super::{Verdict, open};
 use anyhow::Context;
-use marquetry_evaluation::distance::{self, Mesh, NormalDeviation, OneWay};
+use marquetry_evaluation::distance::{self, Borders, Mesh, NormalDeviation, OneWay};
 use serde::Serialize;
 use std::path::PathBuf;
 
@@ -45,6 +45,26 @@ struct Report {
     samples: u64,
     /// What the file guarantees for this cut.
     bound_rel: f64,
+    borders: BordersReport,
+}
+
+/// Open borders: edges that one triangle alone has.
+#[derive(Debug, Serialize)]
+struct BordersReport {
+    /// Length of all of them, in the file and in the input.
+    file_length_rel: f64,
+    input_length_rel: f64,
+    /// Distances between them; none where either has no borders.
+    #[serde(flatten)]
+    distances: Option<BorderDistances>,
+}
+
+#[derive(Debug, Serialize)]
+struct BorderDistances {
+    hausdorff_rel: f64,
+    rms_rel: f64,
+    forward: OneWayRel,
+    backward: OneWayRel,
 }
 
 #[derive(Debug, Serialize)]
@@ -66,19 +86,18 @@ pub(super) fn run(arguments: &Arguments, output: &Output) -> anyhow::Result<Verd
         positions: &surface.positions,
         triangles: &surface.triangles,
     };
-    let distances =
-        distance::measure(measured, input.mesh(), arguments.samples).with_context(|| {
-            format!(
-                "{} and {} cannot be compared",
-                arguments.file,
-                arguments.against.display()
-            )
-        })?;
-    let rel = |length: f64| input.rel(length);
-    let one_way = |way: OneWay| OneWayRel {
-        max_rel: rel(way.max),
-        rms_rel: rel(way.rms),
+    let not_comparable = || {
+        format!(
+            "{} and {} cannot be compared",
+            arguments.file,
+            arguments.against.display()
+        )
     };
+    let distances = distance::measure(measured, input.mesh(), arguments.samples)
+        .with_context(not_comparable)?;
+    let rel = |length: f64| input.rel(length);
+    let one_way = |way: OneWay| OneWayRel::of(way, &input);
+    let borders = borders(measured, &input, arguments.samples).with_context(not_comparable)?;
     let report = Report {
         hausdorff_rel: rel(distances.hausdorff()),
         rms_rel: rel(distances.rms()),
@@ -89,10 +108,52 @@ pub(super) fn run(arguments: &Arguments, output: &Output) -> anyhow::Result<Verd
         bytes: surface.bytes,
         samples: distances.samples,
         bound_rel: surface.error_rel,
+        borders,
     };
     output.say(&describe(&report));
     output.report(&report)?;
     Ok(Verdict::Good)
+}
+
+impl OneWayRel {
+    fn of(way: OneWay, input: &Reference) -> Self {
+        Self {
+            max_rel: input.rel(way.max),
+            rms_rel: input.rel(way.rms),
+        }
+    }
+}
+
+fn borders(measured: Mesh<'_>, input: &Reference, samples: u64) -> anyhow::Result<BordersReport> {
+    let (ours, theirs) = (Borders::of(measured)?, Borders::of(input.mesh())?);
+    let distances = ours.measure(&theirs, samples)?;
+    Ok(BordersReport {
+        file_length_rel: input.rel(ours.length()),
+        input_length_rel: input.rel(theirs.length()),
+        distances: distances.map(|[forward, backward]| BorderDistances {
+            hausdorff_rel: input.rel(forward.max.max(backward.max)),
+            rms_rel: input.rel(forward.rms.max(backward.rms)),
+            forward: OneWayRel::of(forward, input),
+            backward: OneWayRel::of(backward, input),
+        }),
+    })
+}
+
+fn describe_borders(borders: &BordersReport) -> String {
+    let lengths = format!(
+        "{:.3} long in the file, {:.3} in the input",
+        borders.file_length_rel, borders.input_length_rel
+    );
+    match &borders.distances {
+        Some(distances) => format!(
+            "{:.3e} max, {:.3e} rms; {lengths}",
+            distances.hausdorff_rel, distances.rms_rel
+        ),
+        None if borders.file_length_rel == 0.0 && borders.input_length_rel == 0.0 => {
+            "none in either".to_owned()
+        }
+        None => lengths,
+    }
 }
 
 fn describe(report: &Report) -> String {
@@ -102,7 +163,8 @@ fn describe(report: &Report) -> String {
          rms        {:.3e}\n\
          forward    {:.3e} max, {:.3e} rms (file to input)\n\
          backward   {:.3e} max, {:.3e} rms (input to file)\n\
-         normals    {:.2} degrees mean, {:.2} at the 95th percentile",
+         normals    {:.2} degrees mean, {:.2} at the 95th percentile\n\
+         borders    {}",
         report.triangles,
         output::bytes(report.bytes),
         report.samples,
@@ -115,5 +177,6 @@ fn describe(report: &Report) -> String {
         report.backward.rms_rel,
         report.normal_deviation_deg.mean,
         report.normal_deviation_deg.p95,
+        describe_borders(&report.borders),
     )
 }

@@ -11,72 +11,99 @@ use std::ops::Range;
 /// Chosen once, so that reports can be compared with one another.
 const SEED: u64 = 0x6d61_7271_7565_7472;
 
-/// Area-stratified samples of a mesh.
-pub(super) struct AreaSampler<'a> {
-    mesh: Mesh<'a>,
-    /// Area up to the end of each triangle.
-    area_to: Vec<f64>,
+/// Sizes laid end to end and cut into equal strata, one sample each.
+pub(super) struct Strata {
+    /// Size up to the end of each piece.
+    to: Vec<f64>,
     samples: u64,
 }
 
-impl<'a> AreaSampler<'a> {
-    /// Indices of `mesh` must be in range.
-    pub(super) fn new(mesh: Mesh<'a>, samples: u64) -> Self {
-        let mut area = 0.0;
-        let area_to = (0..mesh.triangles.len())
-            .map(|triangle| {
-                let [a, b, c] = mesh.corners(triangle);
-                area += 0.5 * (b - a).cross(c - a).length();
-                area
-            })
-            .collect();
+impl Strata {
+    /// Of pieces of these sizes.
+    pub(super) fn new(sizes: impl Iterator<Item = f64>, samples: u64) -> Self {
+        let mut all = 0.0;
+        let up_to = |size: f64| {
+            all += size;
+            all
+        };
         Self {
-            mesh,
-            area_to,
+            to: sizes.map(up_to).collect(),
             samples,
         }
     }
 
-    /// Samples there are; none on a mesh without area.
+    /// Samples there are; none where nothing has a size.
     pub(super) fn len(&self) -> usize {
-        match self.area_to.last() {
-            Some(&area) if area > 0.0 && area.is_finite() => {
+        match self.to.last() {
+            Some(&all) if all > 0.0 && all.is_finite() => {
                 usize::try_from(self.samples).unwrap_or(usize::MAX)
             }
             _ => 0,
         }
     }
 
-    /// Calls `visit` with the triangle and the place of each sample of `range`.
-    pub(super) fn for_each(&self, range: Range<usize>, mut visit: impl FnMut(usize, DVec3)) {
-        let total = self.area_to.last().copied().unwrap_or(0.0);
-        let mut triangle = usize::MAX;
+    /// Calls `visit` with the piece of each sample of `range`, and the first of two counters to draw its place from.
+    pub(super) fn for_each(&self, range: Range<usize>, mut visit: impl FnMut(usize, u64)) {
+        let total = self.to.last().copied().unwrap_or(0.0);
+        let mut piece = usize::MAX;
         for sample in range {
             let counter = sample as u64 * 3;
-            let area = (sample as f64 + unit(counter)) / self.samples as f64 * total;
-            if triangle == usize::MAX {
-                triangle = self.area_to.partition_point(|&to| to <= area);
+            let place = (sample as f64 + unit(counter)) / self.samples as f64 * total;
+            if piece == usize::MAX {
+                piece = self.to.partition_point(|&to| to <= place);
             }
-            // Strictly greater, so a triangle without area is never sampled.
-            while triangle < self.area_to.len() && self.area_to[triangle] <= area {
-                triangle += 1;
+            // Strictly greater, so a piece without size is never sampled.
+            while piece < self.to.len() && self.to[piece] <= place {
+                piece += 1;
             }
-            if triangle >= self.area_to.len() {
-                // Rounding carried the sample past the end: the last triangle with area holds the end.
-                triangle = self.area_to.partition_point(|&to| to < total);
+            if piece >= self.to.len() {
+                // Rounding carried the sample past the end: the last piece with a size holds the end.
+                piece = self.to.partition_point(|&to| to < total);
             }
-            let [a, b, c] = self.mesh.corners(triangle);
-            let (mut u, mut v) = (unit(counter + 1), unit(counter + 2));
-            if u + v > 1.0 {
-                (u, v) = (1.0 - u, 1.0 - v);
-            }
-            visit(triangle, a + (b - a) * u + (c - a) * v);
+            visit(piece, counter + 1);
         }
     }
 }
 
+/// Area-stratified samples of a mesh.
+pub(super) struct AreaSampler<'a> {
+    mesh: Mesh<'a>,
+    strata: Strata,
+}
+
+impl<'a> AreaSampler<'a> {
+    /// Indices of `mesh` must be in range.
+    pub(super) fn new(mesh: Mesh<'a>, samples: u64) -> Self {
+        let areas = (0..mesh.triangles.len()).map(|triangle| {
+            let [a, b, c] = mesh.corners(triangle);
+            0.5 * (b - a).cross(c - a).length()
+        });
+        Self {
+            mesh,
+            strata: Strata::new(areas, samples),
+        }
+    }
+
+    /// Samples there are; none on a mesh without area.
+    pub(super) fn len(&self) -> usize {
+        self.strata.len()
+    }
+
+    /// Calls `visit` with the triangle and the place of each sample of `range`.
+    pub(super) fn for_each(&self, range: Range<usize>, mut visit: impl FnMut(usize, DVec3)) {
+        self.strata.for_each(range, |triangle, counter| {
+            let [a, b, c] = self.mesh.corners(triangle);
+            let (mut u, mut v) = (unit(counter), unit(counter + 1));
+            if u + v > 1.0 {
+                (u, v) = (1.0 - u, 1.0 - v);
+            }
+            visit(triangle, a + (b - a) * u + (c - a) * v);
+        });
+    }
+}
+
 /// A number in [0, 1) that depends on `counter` alone (`SplitMix64`: Steele, Lea & Flood, 2014).
-fn unit(counter: u64) -> f64 {
+pub(super) fn unit(counter: u64) -> f64 {
     let mut z = counter
         .wrapping_add(1)
         .wrapping_mul(0x9e37_79b9_7f4a_7c15)

@@ -18,6 +18,7 @@ pub mod refine;
 pub mod select;
 pub mod shape;
 pub mod simplify;
+mod trace;
 pub mod tree;
 mod trim;
 

@@ -10,6 +10,7 @@ pub(crate) mod directory;
 pub(crate) mod graph;
 pub(crate) mod mesh;
 mod model;
+pub mod morph;
 mod predict;
 mod texture;
 mod walk;
@@ -49,6 +50,9 @@ pub struct ClusterMesh {
     pub triangles: Vec<[u8; 3]>,
     /// The image on the triangles, which then takes the place of the colours.
     pub texture: Option<ClusterTexture>,
+    /// What each vertex becomes as the group that this is a child of is replaced by its members: a rank among their places
+    /// ([`morph`]). As many as positions; empty where nothing is known.
+    pub ranks: Vec<u8>,
 }
 
 /// What the front of the file says of one cluster.

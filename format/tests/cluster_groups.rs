@@ -128,6 +128,58 @@ fn groups_survive() {
 }
 
 #[test]
+fn ranks_survive_and_verify_looks_at_them() {
+    let nodes = ranked(grouped_clusters(10, true));
+    let read = |nodes: &[ClusterInput]| {
+        let file = written(nodes).unwrap();
+        let report = verify(&SliceSource(&file)).unwrap();
+        let said = report
+            .checks
+            .iter()
+            .find(|check| check.name.contains("become"))
+            .cloned();
+        (
+            decode_clusters(&open(&file), &SliceSource(&file)),
+            report.ok,
+            said,
+        )
+    };
+    let (meshes, ok, said) = read(&nodes);
+    assert!(ok, "{said:?}");
+    assert_eq!(said.unwrap().count, 12);
+    let of = |mesh: &ClusterMesh| -> Vec<([u32; 3], u8)> {
+        let mut of: Vec<_> = mesh
+            .positions
+            .iter()
+            .copied()
+            .zip(mesh.ranks.iter().copied())
+            .collect();
+        of.sort_unstable();
+        of
+    };
+    for (given, read) in nodes.iter().zip(&meshes) {
+        assert_eq!(of(&given.mesh), of(read));
+        assert_eq!(read.ranks.is_empty(), given.mesh.ranks.is_empty());
+    }
+    // Two children of one group that disagree; a rank beyond the last place; one rank too few.
+    let mut torn = nodes.clone();
+    torn[5].mesh.ranks[0] = 2;
+    torn[6].mesh.positions[0] = torn[5].mesh.positions[0];
+    torn[6].mesh.ranks[0] = 1;
+    let mut beyond = nodes.clone();
+    beyond[9].mesh.ranks[3] = 254;
+    for (broken, child) in [(torn, "cluster 6"), (beyond, "cluster 9")] {
+        let (_, ok, said) = read(&broken);
+        let said = said.unwrap();
+        assert!(!ok && !said.ok && said.failures.len() == 1, "{said:?}");
+        assert!(said.failures[0].contains(child), "{said:?}");
+    }
+    let mut few = nodes;
+    few[3].mesh.ranks.pop();
+    assert!(written(&few).unwrap_err().to_string().contains("ranks"));
+}
+
+#[test]
 fn the_order_that_they_are_given_in_makes_no_difference() {
     let nodes = grouped_clusters(10, true);
     let file = written(&nodes).unwrap();

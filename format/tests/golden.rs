@@ -19,7 +19,7 @@ use marquetry_format::*;
 use std::path::PathBuf;
 use support::*;
 
-const NAMES: [&str; 9] = [
+const NAMES: [&str; 10] = [
     "clusters_in_groups",
     "clusters_without_charts",
     "coloured_strip_with_clusters",
@@ -27,6 +27,7 @@ const NAMES: [&str; 9] = [
     "cube_of_mixed_resolutions",
     "moebius",
     "ranged_clusters",
+    "ranked_clusters",
     "torus_with_children",
     "walked_clusters",
 ];
@@ -51,6 +52,11 @@ fn model(name: &str) -> Vec<u8> {
         }
         "clusters_in_groups" => {
             return plain.write_with(&grouped_clusters(10, true)).unwrap();
+        }
+        "ranked_clusters" => {
+            return plain
+                .write_with(&ranked(grouped_clusters(10, true)))
+                .unwrap();
         }
         "walked_clusters" | "ranged_clusters" | "coloured_strip_with_clusters" => {
             return plain.write_with(&clusters(10, true)).unwrap();
@@ -118,6 +124,7 @@ fn digest(bytes: &[u8]) -> String {
         hasher.update(mesh.normals.as_flattened());
         hasher.update(mesh.colours.as_flattened());
         hasher.update(mesh.triangles.as_flattened());
+        hasher.update(&mesh.ranks);
     }
     format!(
         "content id {}\ncharts {}\nbase resolution {}\npages {}\n{clusters}digest {}\n",

@@ -2,6 +2,9 @@
 
 use super::leaf::upwards;
 use super::shape::Shape;
+use super::trace::Became;
+use marquetry_format::LatticePoint;
+use marquetry_format::cluster::morph::{Places, UNRANKED};
 use marquetry_format::writer::ClusterInput;
 
 /// Nodes, children before what they replace.
@@ -74,16 +77,26 @@ impl Graph {
         self.push(shape, error, children, colours)
     }
 
-    /// Adds nodes that all together `children` replace; their numbers.
+    /// Adds nodes that all together `children` replace, whose vertices `became` theirs; their numbers.
     pub(super) fn group(
         &mut self,
         shapes: &[Shape],
         children: &[u32],
         distance: Distance,
+        became: &Became,
         colours: bool,
     ) -> Vec<u32> {
         let above = |shape| self.above(shape, children.to_vec(), distance.bound, colours);
         let members: Vec<u32> = shapes.iter().map(above).collect();
+        let places = Places::of(members.iter().map(|&member| &self.node(member).mesh));
+        for &child in children {
+            let mesh = &mut self.nodes[child as usize].mesh;
+            let rank = |&place: &LatticePoint| {
+                let to = became.of(place);
+                to.map_or(UNRANKED, |to| places.rank(place, to))
+            };
+            mesh.ranks = mesh.positions.iter().map(rank).collect();
+        }
         self.groups.push(Group {
             members: members.clone(),
             children: children.to_vec(),

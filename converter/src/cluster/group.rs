@@ -15,6 +15,7 @@ use super::graph::{Distance, Graph};
 use super::leaf::Piece;
 use super::shape::Shape;
 use super::simplify::simplified_within;
+use super::trace::Became;
 use super::tree;
 use marquetry_format::LatticePoint;
 use meshopt::{VertexDataAdapter, partition_clusters_with_positions, typed_to_bytes};
@@ -145,6 +146,7 @@ impl Groups {
 struct Coarser {
     parts: Vec<Shape>,
     distance: Distance,
+    became: Became,
 }
 
 /// What is to stand for the group of `members`; `None` where that is hardly less.
@@ -169,13 +171,18 @@ fn coarser(
                 bound: 0.0,
                 squares: 0.0,
             },
+            became: Became::itself(),
         });
     }
     let target = (FULL * members.len().div_ceil(REDUCTION)).min(whole.triangles.len() / 2);
     let is_held = |place: &LatticePoint| groups.is_held(place);
-    let (shape, distance) = simplified_within(&whole, is_held, target, unit, room)?;
+    let (shape, distance, became) = simplified_within(&whole, is_held, target, unit, room)?;
     let parts = shape.split(FULL, room);
-    (3 * parts.len() <= 2 * members.len()).then_some(Coarser { parts, distance })
+    (3 * parts.len() <= 2 * members.len()).then_some(Coarser {
+        parts,
+        distance,
+        became,
+    })
 }
 
 /// The front above: what stands for groups, and nodes of groups that nothing does.
@@ -191,12 +198,17 @@ fn next(
         let members = members
             .into_iter()
             .filter_map(|member| front[member].take());
-        let Some(Coarser { parts, distance }) = coarser else {
+        let Some(Coarser {
+            parts,
+            distance,
+            became,
+        }) = coarser
+        else {
             above.extend(members);
             continue;
         };
         let children: Vec<u32> = members.map(|node| node.id).collect();
-        let ids = graph.group(&parts, &children, distance, colours);
+        let ids = graph.group(&parts, &children, distance, &became, colours);
         let nodes = ids.into_iter().zip(parts);
         above.extend(nodes.map(|(id, shape)| Node { id, shape }));
     }

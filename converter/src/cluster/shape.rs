@@ -133,6 +133,7 @@ impl Shape {
             },
             texture: None,
             triangles: self.triangles.iter().map(|t| t.map(index)).collect(),
+            ranks: Vec::new(),
         }
     }
 

@@ -12,6 +12,7 @@ use super::Room;
 use super::bound::{self, hausdorff};
 use super::graph::Distance;
 use super::shape::{Shape, point};
+use super::trace::{Became, traced};
 use crate::mesh::adjacency::id;
 use crate::mesh::refit::{Cloud, Refit, refit};
 use crate::mesh::{WeldedMesh, bounds};
@@ -60,21 +61,17 @@ pub fn simplified(shape: &Shape, room: Room) -> (Shape, f64) {
     best.unwrap_or_else(|| (largest(shape, 1), f64::INFINITY))
 }
 
-/// A mesh of about `target` triangles in place of `shape`, with every vertex whose place `is_held` and the others at multiples of `unit`, and the distance between them; `None`
-/// where nothing is left.
+/// A mesh of about `target` triangles in place of `shape`, with every vertex whose place `is_held` and the others at multiples of `unit`, the distance between them, and what the
+/// vertices of `shape` have become; `None` where nothing is left.
 pub(super) fn simplified_within(
     shape: &Shape,
     is_held: impl Fn(&LatticePoint) -> bool,
     target: usize,
     unit: u32,
     room: Room,
-) -> Option<(Shape, Distance)> {
-    let coarser = fitted(
-        &collapse_within(shape, &is_held, target, room),
-        shape,
-        is_held,
-        unit,
-    );
+) -> Option<(Shape, Distance, Became)> {
+    let collapsed = collapse_within(shape, &is_held, target, room);
+    let (coarser, moved) = fitted(&collapsed, shape, is_held, unit);
     if coarser.triangles.is_empty() {
         return None;
     }
@@ -84,17 +81,19 @@ pub(super) fn simplified_within(
         (&positions, &shape.triangles),
         f64::INFINITY,
     );
-    Some((coarser, distance))
+    let mut became = traced(shape, &collapsed);
+    became.and_moved(&moved);
+    Some((coarser, distance, became))
 }
 
 /// `coarser` with vertices moved to where it is nearest to `shape`, all at one place together; those whose place `is_held` stay,
-/// the others get to multiples of `unit`.
+/// the others get to multiples of `unit`. And where each place has gone.
 fn fitted(
     coarser: &Shape,
     shape: &Shape,
     is_held: impl Fn(&LatticePoint) -> bool,
     unit: u32,
-) -> Shape {
+) -> (Shape, HashMap<LatticePoint, LatticePoint>) {
     let mut numbers: HashMap<LatticePoint, u32> = HashMap::new();
     let mut places: Vec<LatticePoint> = Vec::new();
     let number_of: Vec<u32> = (coarser.vertices.iter())
@@ -147,7 +146,7 @@ fn fitted(
             (moved[number_of[v as usize] as usize], normal, colour)
         }));
     }
-    fitted
+    (fitted, places.into_iter().zip(moved).collect())
 }
 
 /// Runs one of meshoptimizer's simplifiers on `shape`, moved to the origin so that `f32` is exact.
@@ -282,8 +281,16 @@ mod tests {
             (&positions, &bowl.triangles),
             f64::INFINITY,
         );
-        let (fitted, distance) = simplified_within(&bowl, is_rim, 300, UNIT, Room::Plain).unwrap();
+        let (fitted, distance, became) =
+            simplified_within(&bowl, is_rim, 300, UNIT, Room::Plain).unwrap();
         assert!(fitted.triangles.len() <= plain.triangles.len());
+        // What everything has become is there, and is itself on the rim.
+        let there: std::collections::BTreeSet<LatticePoint> =
+            fitted.vertices.iter().map(|v| v.0).collect();
+        for (place, ..) in &bowl.vertices {
+            let became = became.of(*place).unwrap();
+            assert!(there.contains(&became) && (!is_rim(place) || became == *place));
+        }
         assert!(
             distance.squares < 0.5 * before.squares,
             "{distance:?} {before:?}"

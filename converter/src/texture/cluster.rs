@@ -371,6 +371,9 @@ fn finish(
             .collect(),
         triangles: laid_out.triangles.iter().map(|t| t.map(index)).collect(),
         texture: Some(texture),
+        ranks: numbers()
+            .filter_map(|v| old.ranks.get(v).copied())
+            .collect(),
     };
     painted.positions = numbers().map(|v| painted.positions[v]).collect();
     painted.colours = numbers().map(|v| painted.colours[v]).collect();

@@ -122,6 +122,7 @@ fn draw_cluster(
         colours,
         triangles,
         texture,
+        ..
     } = mesh;
     let places = texture.as_ref().map_or(&[][..], |texture| &texture.places);
     let corners = corners(view, light, positions, normals, colours, places);

@@ -1,7 +1,7 @@
 //! Coding of one cluster's mesh.
 //!
 //! Triangles are told as a walk over the mesh ([`super::walk`]), which numbers the vertices and says what each is predicted by
-//! ([`super::predict`]); positions, normals, colours and places on a texture are stored as what they differ from that, all by one range coder
+//! ([`super::predict`]); positions, what they become ([`super::morph`]), normals, colours and places on a texture are stored as what they differ from that, all by one range coder
 //! ([`super::model`]). The texture's key frame comes last.
 
 mod packed;
@@ -21,9 +21,10 @@ use crate::codec::sample::Position;
 use crate::lattice::{LATTICE_BITS, LatticePoint};
 
 const WHAT: &str = "cluster";
-/// First byte: what no method of the triangles is in [`packed`] ones, and whether there is a texture.
+/// First byte: what no method of the triangles is in [`packed`] ones, and whether there are a texture and ranks.
 const RANGED: u8 = 0b0011;
 const TEXTURED: u8 = 0b0100;
+const RANKED: u8 = 0b1000;
 
 /// How many vertices and triangles a mesh has; bounded by their types in the directory.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -43,7 +44,7 @@ pub(crate) fn decode(coding: Coding, counts: Counts, bytes: &[u8]) -> Result<Clu
     if flags & RANGED != RANGED {
         return packed::decode(coding, counts, bytes);
     }
-    if flags & !(RANGED | TEXTURED) != 0 {
+    if flags & !(RANGED | TEXTURED | RANKED) != 0 {
         return Err(Error::Reserved {
             what: WHAT,
             value: u64::from(flags),
@@ -59,6 +60,11 @@ pub(crate) fn decode(coding: Coding, counts: Counts, bytes: &[u8]) -> Result<Clu
     let (operations, given) = model::operations(&mut coder, triangles, (&[], &[]));
     let walk = walk::read(&operations, &given, vertices)?;
     let positions = model::positions(&mut coder, &walk.predictions, limit(coding), &[])?;
+    let ranks = if flags & RANKED == 0 {
+        Vec::new()
+    } else {
+        model::ranks(&mut coder, vertices, &[])
+    };
     let predicted = predict::normals(&positions, &walk.triangles);
     let normals = model::normals(&mut coder, &predicted, &[]);
     let colours = if coding.has_colours {
@@ -82,6 +88,7 @@ pub(crate) fn decode(coding: Coding, counts: Counts, bytes: &[u8]) -> Result<Clu
         colours,
         triangles: walk.triangles,
         texture,
+        ranks,
     })
 }
 
@@ -127,6 +134,11 @@ pub(crate) fn in_order(mesh: &ClusterMesh) -> Option<ClusterMesh> {
         } else {
             None
         },
+        ranks: if mesh.ranks.is_empty() {
+            Vec::new()
+        } else {
+            pick(&mesh.ranks, &told.order)?
+        },
     })
 }
 
@@ -153,6 +165,9 @@ pub(crate) fn encode(coding: Coding, mesh: &ClusterMesh) -> Result<(Vec<u8>, Par
     let mut coder = Encoder::new();
     model::operations(&mut coder, operations.len(), (&operations, &given));
     model::positions(&mut coder, &walk.predictions, i32::MAX, &units)?;
+    if !mesh.ranks.is_empty() {
+        model::ranks(&mut coder, mesh.positions.len(), &mesh.ranks);
+    }
     let geometry = coder.len();
     let predicted = predict::normals(&units, &mesh.triangles);
     model::normals(&mut coder, &predicted, &mesh.normals);
@@ -164,11 +179,10 @@ pub(crate) fn encode(coding: Coding, mesh: &ClusterMesh) -> Result<(Vec<u8>, Par
         model::places(&mut coder, &walk.predictions, &texture.places);
     }
     let coded = coder.finish();
-    let mut out = vec![if mesh.texture.is_some() {
-        RANGED | TEXTURED
-    } else {
-        RANGED
-    }];
+    let when = |holds: bool, flag: u8| if holds { flag } else { 0 };
+    let mut out = vec![
+        RANGED | when(mesh.texture.is_some(), TEXTURED) | when(!mesh.ranks.is_empty(), RANKED),
+    ];
     if mesh.texture.is_some() {
         let length = u32::try_from(coded.len()).unwrap_or(u32::MAX);
         crate::bytes::push_leb128(&mut out, length);
@@ -202,14 +216,17 @@ mod tests {
 
     fn mesh(has_colours: bool, is_textured: bool) -> impl Strategy<Value = ClusterMesh> {
         let triangle = [any::<u8>(), any::<u8>(), any::<u8>()];
+        let rank = prop_oneof![0..4u8, any::<u8>()];
         (
+            prop_oneof![Just(0), Just(256)]
+                .prop_flat_map(move |count| prop::collection::vec(rank.clone(), count)),
             prop::collection::vec([0..1u32 << 11, 0..1u32 << 11, 0..1u32 << 11], 256),
             prop::collection::vec(any::<([u8; 2], [u8; 3])>(), 256),
             prop::collection::vec(triangle, 1..=256),
         )
             .prop_filter_map(
                 "every triangle is flat",
-                move |(positions, shades, triangles)| {
+                move |(ranks, positions, shades, triangles)| {
                     let triangles: Vec<_> = triangles
                         .into_iter()
                         .filter(|[a, b, c]| a != b && b != c && c != a)
@@ -227,6 +244,7 @@ mod tests {
                             places: shades.iter().map(|([a, b], _)| [*a, b % 64]).collect(),
                             frame: FRAME.to_vec(),
                         }),
+                        ranks,
                     };
                     (!mesh.triangles.is_empty())
                         .then(|| in_order(&mesh))

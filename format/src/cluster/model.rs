@@ -11,6 +11,7 @@
     reason = "coordinates have 21 bits, and what is added to them 31; indices are below the sizes of the arrays"
 )]
 
+use super::morph::UNRANKED;
 use super::predict;
 use super::walk::{self, Prediction};
 use crate::Error;
@@ -174,6 +175,20 @@ pub(crate) fn places(
         }));
     }
     places
+}
+
+/// Ranks of what `count` vertices become.
+pub(crate) fn ranks(coder: &mut impl Coder, count: usize, told: &[u8]) -> Vec<u8> {
+    let mut numbers = [Number::new(4), Number::new(4)];
+    let mut ranks = Vec::with_capacity(count);
+    let mut before = 0;
+    for vertex in 0..count {
+        let told = told.get(vertex).copied().unwrap_or_default();
+        let rank = numbers[usize::from(before != 0)].unsigned(coder, u32::from(told));
+        before = u8::try_from(rank).unwrap_or(UNRANKED);
+        ranks.push(before);
+    }
+    ranks
 }
 
 /// A difference of bytes, 0 to 255, small ones both ways around in few bits.

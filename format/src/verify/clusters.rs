@@ -3,9 +3,11 @@
 //! What the groups themselves must keep (order, errors that do not grow, bounds within bounds) the reader has refused before.
 
 use super::{Report, in_words};
-use crate::cluster::{ClusterId, ClusterNode, Clusters};
+use crate::cluster::morph::{Places, UNRANKED};
+use crate::cluster::{ClusterId, ClusterMesh, ClusterNode, Clusters};
 use crate::rules::Tally;
-use crate::{Bounds, ByteSource, Document, Error};
+use crate::{Bounds, ByteSource, Document, Error, LatticePoint};
+use std::collections::BTreeMap;
 
 /// Adds the checks of clusters to `report`, if the file has any.
 pub(super) fn check(document: &Document, source: &dyn ByteSource, report: &mut Report) {
@@ -33,9 +35,46 @@ pub(super) fn check(document: &Document, source: &dyn ByteSource, report: &mut R
     if textures.count > 0 {
         report.add("cluster textures decode", textures);
     }
+    let became = became(document, clusters, source);
+    if became.count > 0 {
+        report.add("cluster vertices become vertices of their parents", became);
+    }
     let [errors, bounds] = between_levels(clusters);
     report.add("cluster errors monotone up the levels", errors);
     report.add("cluster bounds within their parents'", bounds);
+}
+
+/// Ranks of children: within the places of all members, and the same at the same place.
+fn became(document: &Document, clusters: &Clusters, source: &dyn ByteSource) -> Tally {
+    let mut became = Tally::default();
+    let mesh = |id: ClusterId| {
+        let bytes = source.read(clusters.node(id)?.range.clone()).ok()?;
+        document.decode_cluster(id, &bytes).ok()
+    };
+    for group in &clusters.groups {
+        // What does not decode has been told.
+        let members: Vec<ClusterMesh> = group.members.iter().filter_map(|&id| mesh(id)).collect();
+        let places = Places::of(&members).len();
+        let mut known: BTreeMap<LatticePoint, u8> = BTreeMap::new();
+        for id in group.children.clone().map(ClusterId) {
+            let Some(child) = mesh(id).filter(|child| !child.ranks.is_empty()) else {
+                continue;
+            };
+            let mut vertices = child.positions.iter().zip(&child.ranks);
+            let wrong = vertices.find(|&(place, &rank)| {
+                let is_there = rank == UNRANKED || usize::from(rank) < places;
+                !is_there || *known.entry(*place).or_insert(rank) != rank
+            });
+            became.check(wrong.is_none(), || {
+                let (place, rank) = wrong.map_or_else(Default::default, |(p, r)| (*p, *r));
+                format!(
+                    "cluster {}: the vertex at {place:?} has rank {rank} of {places} places, or another in a cluster beside",
+                    id.0
+                )
+            });
+        }
+    }
+    became
 }
 
 /// Errors and bounds of children against those of all members of the group above.

@@ -117,12 +117,14 @@ fn checked(input: &ClusterInput, coding: Coding) -> Result<ClusterMesh, Error> {
         || mesh.triangles.len() > MAX_CLUSTER_TRIANGLES
         || count > MAX_CLUSTER_VERTICES
         || sizes != [count, colours]
+        || !(mesh.ranks.is_empty() || mesh.ranks.len() == count)
     {
         return refuse(
-            "a cluster has 1 to 256 triangles and at most 256 vertices, each with a normal and its colour",
+            "a cluster has 1 to 256 triangles and at most 256 vertices, each with a normal, its colour and its rank",
             format!(
-                "{} triangles, {count} vertices, {sizes:?}",
-                mesh.triangles.len()
+                "{} triangles, {count} vertices, {sizes:?}, {} ranks",
+                mesh.triangles.len(),
+                mesh.ranks.len()
             ),
         );
     }

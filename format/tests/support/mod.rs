@@ -204,6 +204,15 @@ pub fn grouped_clusters(shift: u8, has_colours: bool) -> Vec<ClusterInput> {
     ]
 }
 
+/// `nodes` with ranks that depend on the place, but for the root.
+pub fn ranked(mut nodes: Vec<ClusterInput>) -> Vec<ClusterInput> {
+    for node in &mut nodes[1..] {
+        let rank = |[x, y, z]: &[u32; 3]| [0, 1, 0, 3, 255][(((x ^ y ^ z) >> 10) % 5) as usize];
+        node.mesh.ranks = node.mesh.positions.iter().map(rank).collect();
+    }
+    nodes
+}
+
 /// These of the tetrahedra along a line.
 fn tetrahedra_of(tetrahedra: &[u32], shift: u8, has_colours: bool) -> ClusterMesh {
     let mut mesh = ClusterMesh::default();

@@ -149,6 +149,7 @@ pub(super) fn decode(coding: Coding, counts: Counts, bytes: &[u8]) -> Result<Clu
         colours,
         triangles: walk.triangles,
         texture: texture.transpose()?,
+        ranks: Vec::new(),
     })
 }
 

@@ -1,15 +1,17 @@
 //! Where the vertices of a cluster are on the surface that its group takes the place of.
 //!
 //! With all of them there the group's children show what its members show, so they can come and go without a jump: the geomorph
-//! of Hoppe, "Progressive Meshes", 1996, with nearest points in place of the ends of collapses, which the file need not tell. A vertex whose
-//! place some member has stays there; the outer border of the group is of such vertices, so what lies beside it meets it all the way. Clusters
+//! of Hoppe, "Progressive Meshes", 1996. The file tells the place that a vertex was collapsed to by its rank
+//! ([`marquetry_format::cluster::morph`]). Where it does not, a vertex whose place some member has stays there, and others go to the nearest point
+//! of the surface. The outer border of the group is of vertices that stay, so what lies beside it meets it all the way. Clusters
 //! of one group ask the same surface, so what they share moves alike.
 //!
-//! Limits: edges of the members are not edges of the children, so at the end of the way both surfaces differ by what the children's
-//! edges cut off of these; where the surface has two sheets nearer to each other than the error, a vertex may go to the wrong one.
+//! Limits: of vertices that go to nearest points edges of the members are not edges of the children, so at the end of the way both surfaces differ by what the children's
+//! edges cut off of these; where the surface has two sheets nearer to each other than the error, such a vertex may go to the wrong one.
 
 use super::nearest::{Nearest, OnTriangle};
 use glam::{DVec3, Vec3};
+use marquetry_format::cluster::morph::{Places, UNRANKED};
 use marquetry_format::{ClusterMesh, LatticePoint, octahedral};
 use std::sync::{Arc, OnceLock};
 
@@ -36,7 +38,9 @@ pub struct Targets {
 struct Prepared {
     /// Least coordinates.
     floor: LatticePoint,
-    nearest: Nearest,
+    places: Places,
+    /// Made for the first vertex of which the file does not say what it becomes.
+    nearest: OnceLock<Nearest>,
     /// Member and corners of each triangle.
     triangles: Vec<(u32, [u8; 3])>,
     /// All vertices, in the order of their places.
@@ -58,8 +62,10 @@ impl GroupSurface {
         let mut targets = Targets::default();
         let mut hint = 0;
         for (vertex, (&place, &normal)) in mesh.positions.iter().zip(&mesh.normals).enumerate() {
-            let on = self
-                .kept(prepared, place, normal)
+            let rank = mesh.ranks.get(vertex).copied().unwrap_or(UNRANKED);
+            let on = (prepared.places.at(place, rank))
+                .and_then(|became| self.at(prepared, became, normal))
+                .or_else(|| self.at(prepared, place, normal))
                 .or_else(|| self.nearest(prepared, place, &mut hint));
             let colour = mesh.colours.get(vertex).copied();
             // A group without triangles has nothing to move to.
@@ -75,7 +81,7 @@ impl GroupSurface {
     }
 
     /// Of the members' vertices at `place` the one whose normal is most like `normal`.
-    fn kept(&self, prepared: &Prepared, place: LatticePoint, normal: [u8; 2]) -> Option<OnSurface> {
+    fn at(&self, prepared: &Prepared, place: LatticePoint, normal: [u8; 2]) -> Option<OnSurface> {
         let first = prepared.vertices.partition_point(|vertex| vertex.0 < place);
         let own = Vec3::from_array(octahedral::decode(normal));
         let like = |code: [u8; 2]| own.dot(Vec3::from_array(octahedral::decode(code)));
@@ -95,7 +101,8 @@ impl GroupSurface {
         place: LatticePoint,
         hint: &mut usize,
     ) -> Option<OnSurface> {
-        let found = prepared.nearest.to(offset(prepared.floor, place), *hint)?;
+        let nearest = (prepared.nearest).get_or_init(|| prepared.nearest(&self.members));
+        let found = nearest.to(offset(prepared.floor, place), *hint)?;
         *hint = found.place;
         let OnTriangle {
             triangle, weights, ..
@@ -152,22 +159,30 @@ impl Prepared {
             }
         }
         vertices.sort_unstable();
-        let (mut triangles, mut corners) = (Vec::new(), Vec::new());
+        let mut triangles = Vec::new();
         for (member, mesh) in (0..).zip(members) {
-            for &triangle in &mesh.triangles {
-                let at = |corner: u8| mesh.positions.get(usize::from(corner)).copied();
-                if let [Some(a), Some(b), Some(c)] = triangle.map(at) {
-                    triangles.push((member, triangle));
-                    corners.push([a, b, c].map(|place| offset(floor, place)));
-                }
-            }
+            let is_there = |&corner: &u8| usize::from(corner) < mesh.positions.len();
+            let whole = mesh.triangles.iter().filter(|t| t.iter().all(is_there));
+            triangles.extend(whole.map(|&triangle| (member, triangle)));
         }
         Self {
             floor,
-            nearest: Nearest::new(&corners),
+            places: Places::of(members.iter().map(AsRef::as_ref)),
+            nearest: OnceLock::new(),
             triangles,
             vertices,
         }
+    }
+
+    /// Of the same members.
+    fn nearest(&self, members: &[Arc<ClusterMesh>]) -> Nearest {
+        let corners = self.triangles.iter().filter_map(|&(member, corners)| {
+            let mesh = members.get(usize::try_from(member).ok()?)?;
+            let at = |corner: u8| mesh.positions.get(usize::from(corner)).copied();
+            let [a, b, c] = corners.map(at);
+            Some([a?, b?, c?].map(|place| offset(self.floor, place)))
+        });
+        Nearest::new(&corners.collect::<Vec<_>>())
     }
 }
 
@@ -188,7 +203,7 @@ mod tests {
             normals: vec![octahedral::encode(normal); 4],
             colours: vec![[0, 0, 0], [100, 0, 0], [100, 100, 0], [0, 100, 0]],
             triangles: vec![[0, 1, 2], [0, 2, 3]],
-            texture: None,
+            ..ClusterMesh::default()
         }
     }
 
@@ -205,6 +220,32 @@ mod tests {
         assert_eq!(targets.positions[4..], [[250, 500, 50], [1000, 1000, 50]]);
         assert_eq!(targets.colours[4..], [[25, 50, 0], [100, 100, 0]]);
         assert!(targets.normals.iter().all(|&n| n == octahedral::encode(up)));
+    }
+
+    #[test]
+    fn vertices_become_what_the_file_says() {
+        let (up, aside) = ([0.0, 0.0, 1.0], [1.0, 0.0, 0.0]);
+        let members = [up, aside].map(|normal| Arc::new(square(1000, normal)));
+        let mut child = square(1000, up);
+        child.positions[2] = [900, 990, 60];
+        child.positions[3] = [10, 900, 40];
+        child.normals[3] = octahedral::encode(aside);
+        // The fourth is told nothing that there is.
+        for (ranks, last) in [
+            ([0, 1, 0, 9], [10, 900, 50]),
+            ([0, 1, 0, 1], [0, 0, 50]),
+        ] {
+            child.ranks = ranks.to_vec();
+            let targets = GroupSurface::new(members.to_vec()).targets(&child);
+            assert_eq!(
+                targets.positions,
+                [[0, 0, 50], [0, 0, 50], [1000, 1000, 50], last]
+            );
+            assert_eq!(targets.normals[..3], [octahedral::encode(up); 3]);
+            assert_eq!(targets.colours[1..3], [[0, 0, 0], [100, 100, 0]]);
+        }
+        let targets = GroupSurface::new(members.to_vec()).targets(&child);
+        assert_eq!(targets.normals[3], octahedral::encode(aside));
     }
 
     #[test]

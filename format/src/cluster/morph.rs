@@ -1,0 +1,113 @@
+//! What the vertices of a group's children become as the group's members take their place.
+//!
+//! Members are made of children by collapsing edges. With every vertex at the place of the one that it was collapsed to, the children
+//! show exactly what the members show (Hoppe, "Progressive Meshes", 1996). That place is stored as its rank among all places of
+//! the members, by distance from the vertex: nearly always one of the first.
+
+use super::ClusterMesh;
+use crate::LatticePoint;
+
+/// A rank that says nothing: what the vertex becomes is not known.
+pub const UNRANKED: u8 = u8::MAX;
+
+/// Places of the vertices of a group's members.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+pub struct Places(Vec<LatticePoint>);
+
+impl Places {
+    /// Of all `members` of a group.
+    pub fn of<'a>(members: impl IntoIterator<Item = &'a ClusterMesh>) -> Self {
+        let all = members.into_iter().flat_map(|mesh| &mesh.positions);
+        let mut places: Vec<LatticePoint> = all.copied().collect();
+        places.sort_unstable();
+        places.dedup();
+        Self(places)
+    }
+
+    /// How many places there are.
+    pub fn len(&self) -> usize {
+        self.0.len()
+    }
+
+    /// Whether there is none.
+    pub fn is_empty(&self) -> bool {
+        self.0.is_empty()
+    }
+
+    /// How many places come before `to` by distance from `from`, of equally near ones those with the lesser coordinates; [`UNRANKED`] where
+    /// that is as many or more, or `to` is no place.
+    pub fn rank(&self, from: LatticePoint, to: LatticePoint) -> u8 {
+        if self.0.binary_search(&to).is_err() {
+            return UNRANKED;
+        }
+        let key = key(from, to);
+        let before = self.0.iter().filter(|&&place| self::key(from, place) < key);
+        u8::try_from(before.count()).unwrap_or(UNRANKED)
+    }
+
+    /// The place of a rank; `None` for [`UNRANKED`] and where there are no more than `rank`.
+    pub fn at(&self, from: LatticePoint, rank: u8) -> Option<LatticePoint> {
+        if rank == UNRANKED || usize::from(rank) >= self.0.len() {
+            return None;
+        }
+        let keys = self.0.iter().map(|&place| key(from, place));
+        if rank == 0 {
+            return keys.min().map(|(_, place)| place);
+        }
+        let mut keys: Vec<_> = keys.collect();
+        Some(keys.select_nth_unstable(usize::from(rank)).1.1)
+    }
+}
+
+/// Squared distance, and the place.
+fn key(from: LatticePoint, place: LatticePoint) -> (u64, LatticePoint) {
+    let [x, y, z] = from;
+    let [a, b, c] = place;
+    let square = |p: u32, q: u32| u64::from(p.abs_diff(q)).saturating_pow(2);
+    let sum = square(x, a)
+        .saturating_add(square(y, b))
+        .saturating_add(square(z, c));
+    (sum, place)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn ranks_are_by_distance_and_lead_back() {
+        let mesh = |positions: &[LatticePoint]| ClusterMesh {
+            positions: positions.to_vec(),
+            ..ClusterMesh::default()
+        };
+        let members = [
+            mesh(&[[0, 0, 0], [8, 0, 0]]),
+            mesh(&[[8, 0, 0], [4, 0, 4], [4, 4, 0]]),
+        ];
+        let places = Places::of(&members);
+        assert_eq!(places.len(), 4);
+        // Two are equally near: the lesser coordinates come first.
+        let from = [4, 0, 0];
+        let order = [[0, 0, 0], [4, 0, 4], [4, 4, 0], [8, 0, 0]];
+        for (rank, place) in (0..).zip(order) {
+            assert_eq!(places.rank(from, place), rank);
+            assert_eq!(places.at(from, rank), Some(place));
+        }
+        assert_eq!(places.rank([4, 3, 0], [4, 4, 0]), 0);
+        assert_eq!(places.rank(from, [1, 0, 0]), UNRANKED);
+        assert_eq!(places.at(from, 4), None);
+        assert_eq!(places.at(from, UNRANKED), None);
+        assert_eq!(Places::default().at(from, 0), None);
+    }
+
+    #[test]
+    fn what_is_beyond_the_last_rank_has_none() {
+        let positions = (0..300).map(|x| [x, 0, 0]).collect();
+        let places = Places::of(&[ClusterMesh {
+            positions,
+            ..ClusterMesh::default()
+        }]);
+        assert_eq!(places.rank([0; 3], [254, 0, 0]), 254);
+        assert_eq!(places.rank([0; 3], [255, 0, 0]), UNRANKED);
+    }
+}

@@ -11,6 +11,7 @@ mod lods;
 mod page;
 mod pictures;
 mod quality;
+mod row;
 mod split;
 mod tables;
 mod transitions;
@@ -24,7 +25,8 @@ use super::{Common, Verdict, args};
 use anyhow::{Context, bail};
 use clap::builder::RangedU64ValueParser;
 use data::{
-    Adapter, FileInfo, GeometryPoint, InputInfo, PicturePoint, Report, Settings, TransitionPoint,
+    Adapter, FileInfo, GeometryPoint, InputInfo, PicturePoint, Report, RowPoint, Settings,
+    TransitionPoint,
 };
 use folder::PendingFolder;
 use geometry::Level;
@@ -78,7 +80,7 @@ pub(super) struct Arguments {
     /// Make no pictures
     #[arg(long)]
     no_pictures: bool,
-    /// Compare ways of changing levels, too, along a camera path
+    /// Compare ways of changing levels, too, along a camera path and for rows of 50 to 2000 models
     #[arg(long, conflicts_with = "no_pictures")]
     transitions: bool,
     /// RMS errors that the input is converted again with
@@ -144,6 +146,14 @@ pub(super) fn run(
     Ok(Verdict::Good)
 }
 
+/// What was found by drawing.
+#[derive(Default)]
+struct Drawn {
+    pictures: Vec<PicturePoint>,
+    transitions: Vec<TransitionPoint>,
+    rows: Vec<RowPoint>,
+}
+
 struct Job<'a> {
     arguments: &'a Arguments,
     opened: Opened,
@@ -187,7 +197,11 @@ impl Job<'_> {
         points.extend(external);
         geometry::mark_fronts(&mut points);
         self.progress.stage("pictures");
-        let (pictures, transitions) = self.pictures(&whole, &levels)?;
+        let Drawn {
+            pictures,
+            transitions,
+            rows,
+        } = self.pictures(&whole, &levels)?;
         self.progress.stage("conversions");
         let conversions = if arguments.no_convert {
             Vec::new()
@@ -202,6 +216,10 @@ impl Job<'_> {
                 &tell,
             )?
         };
+        let adapter = self.headless.as_ref().map(|headless| Adapter {
+            name: headless.adapter().to_owned(),
+            software: headless.is_software(),
+        });
         let mut report = Report {
             file: FileInfo {
                 path: arguments.file.clone(),
@@ -215,14 +233,15 @@ impl Job<'_> {
                 diagonal: reference.diagonal(),
             },
             settings: self.settings(),
-            adapter: self.headless.as_ref().map(|headless| Adapter {
-                name: headless.adapter().to_owned(),
-                software: headless.is_software(),
+            recommendations: (adapter.as_ref()).map_or_else(Vec::new, |adapter| {
+                row::recommend(&rows, &transitions, adapter)
             }),
+            adapter,
             equal_cost: equal_cost::compare(&pictures),
             geometry: points,
             pictures,
             transitions,
+            rows,
             conversions,
             notes: Vec::new(),
             seconds: 0.0,
@@ -232,13 +251,9 @@ impl Job<'_> {
         Ok(report)
     }
 
-    fn pictures(
-        &self,
-        whole: &SplitMesh,
-        levels: &[Level],
-    ) -> anyhow::Result<(Vec<PicturePoint>, Vec<TransitionPoint>)> {
+    fn pictures(&self, whole: &SplitMesh, levels: &[Level]) -> anyhow::Result<Drawn> {
         let Some(headless) = &self.headless else {
-            return Ok((Vec::new(), Vec::new()));
+            return Ok(Drawn::default());
         };
         let textures = split::textures(&self.reference.mesh.appearance)
             .with_context(|| self.arguments.against.display().to_string())?;
@@ -255,13 +270,18 @@ impl Job<'_> {
             tell: &|part| self.progress.fraction(part),
         };
         let failed = || self.arguments.file.clone();
-        let pictures = pictures::points(&studio, whole, &textures, levels).with_context(failed)?;
-        let mut flown = Vec::new();
+        let mut drawn = Drawn {
+            pictures: pictures::points(&studio, whole, &textures, levels).with_context(failed)?,
+            ..Drawn::default()
+        };
         if self.arguments.transitions {
             self.progress.stage("transitions");
-            flown = transitions::points(&studio, whole, &textures).with_context(failed)?;
+            drawn.transitions =
+                transitions::points(&studio, whole, &textures).with_context(failed)?;
+            self.progress.stage("rows");
+            drawn.rows = row::points(&studio).with_context(failed)?;
         }
-        Ok((pictures, flown))
+        Ok(drawn)
     }
 
     fn settings(&self) -> Settings {

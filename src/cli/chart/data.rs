@@ -19,6 +19,9 @@ pub(super) struct Report {
     pub(super) equal_cost: Option<EqualCost>,
     /// Empty unless asked for.
     pub(super) transitions: Vec<TransitionPoint>,
+    /// Empty unless asked for.
+    pub(super) rows: Vec<RowPoint>,
+    pub(super) recommendations: Vec<Recommendation>,
     pub(super) conversions: Vec<ConversionPoint>,
     /// What a reader has to know of these numbers.
     pub(super) notes: Vec<String>,
@@ -236,6 +239,9 @@ pub(super) struct TransitionPoint {
     pub(super) transition: String,
     /// Number of a standard view.
     pub(super) view: usize,
+    /// Changes of levels that were looked at.
+    pub(super) changes: usize,
+    /// Of all looks.
     pub(super) frames: usize,
     /// Change from frame to frame that the reference does not have.
     pub(super) temporal: Spread,
@@ -243,6 +249,30 @@ pub(super) struct TransitionPoint {
     pub(super) fidelity: Spread,
     /// Drawn, mean.
     pub(super) triangles: f64,
+}
+
+/// A frame of many models in a row along the view axis, mean over frames.
+#[derive(Debug, Clone, Serialize)]
+pub(super) struct RowPoint {
+    pub(super) transition: String,
+    pub(super) instances: usize,
+    pub(super) triangles: f64,
+    pub(super) draw_calls: f64,
+    /// Choosing what is drawn, and, where a graphics card is timed, giving it its commands.
+    pub(super) cpu_ms: f64,
+    /// `None` where it cannot be measured, and where the adapter is a program.
+    pub(super) gpu_ms: Option<f64>,
+}
+
+/// Which transition to take for so many models.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub(super) struct Recommendation {
+    pub(super) instances: usize,
+    pub(super) transition: String,
+    /// Of one model, mean over paths.
+    pub(super) popping_p99: f64,
+    /// Cost of its frames over that of the cheapest transition's.
+    pub(super) over_cheapest: f64,
 }
 
 /// A conversion of the input.

@@ -1,6 +1,6 @@
 //! The plots of a report.
 
-use super::data::{ConversionPoint, GeometryPoint, Method, PicturePoint, Report};
+use super::data::{ConversionPoint, GeometryPoint, Method, PicturePoint, Report, RowPoint};
 use super::pictures::same;
 use marquetry_evaluation::pareto;
 use marquetry_evaluation::plot::{Axis, Line, Plot, Point, Series, short};
@@ -246,6 +246,38 @@ pub(super) fn pictures(report: &Report, distance: f64, pair: &PicturePair) -> Pl
         x: Axis::log(pair.x_label),
         y: (pair.y_axis)(),
         series,
+        guides: Vec::new(),
+    }
+}
+
+/// Triangles of a frame against models in a row.
+pub(super) fn rows(report: &Report) -> Plot {
+    let same = report.rows.chunk_by(|a, b| a.transition == b.transition);
+    let of = |(style, points): (usize, &[RowPoint])| {
+        let point = |p: &RowPoint| Point {
+            x: p.instances as f64,
+            y: p.triangles,
+            interval: None,
+            on_front: false,
+            label: format!(
+                "{}, {} models: {} triangles",
+                p.transition,
+                p.instances,
+                short(p.triangles)
+            ),
+        };
+        Series {
+            name: points.first().map_or("", |p| &p.transition).to_owned(),
+            style,
+            line: Line::Solid,
+            points: points.iter().map(point).collect(),
+        }
+    };
+    Plot {
+        title: "Triangles of a frame against models in a row".to_owned(),
+        x: Axis::log("models in a row"),
+        y: Axis::log("triangles of a frame"),
+        series: same.enumerate().map(of).collect(),
         guides: Vec::new(),
     }
 }

@@ -227,6 +227,19 @@ impl Page {
         );
         let html = tables::transitions(points).to_html("Popping along the path, by view");
         self.html.push_str(&html);
+        if report.rows.is_empty() {
+            return;
+        }
+        self.heading(
+            "Pictures: many models in a row",
+            &words::rows(report),
+            words::HOW_ROWS,
+        );
+        self.pair(
+            "row-triangles",
+            &figures::rows(report),
+            Some(&tables::rows(report)),
+        );
     }
 
     fn conversions(&mut self, report: &Report) {

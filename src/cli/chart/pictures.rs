@@ -223,7 +223,8 @@ impl<'a> Easel<'a> {
         shots: &[Shot],
     ) -> anyhow::Result<Vec<Shot>> {
         let views = cameras.iter().zip(shots);
-        let refined = views.map(|(camera, shot)| refined(&mut self.painter, mesh, camera, shot));
+        let refined =
+            views.map(|(camera, shot)| refined(&mut self.painter, mesh, camera, shot, REFINED));
         refined.collect()
     }
 
@@ -255,7 +256,8 @@ impl<'a> Easel<'a> {
     }
 }
 
-/// What `shot` shows, without the noise of lighting one point of each pixel; the object is where it was there.
+/// What `shot` shows, of `times` as many pixels each way where the device draws so many: without the noise of lighting one point of each
+/// pixel; the object is where it was there.
 ///
 /// # Errors
 /// When the mesh cannot be drawn so large.
@@ -264,9 +266,10 @@ pub(super) fn refined(
     mesh: &MeshBuffers,
     camera: &Camera,
     shot: &Shot,
+    times: u32,
 ) -> anyhow::Result<Shot> {
     let (width, height) = (shot.picture.width, shot.picture.height);
-    let factor = (LARGEST / width.max(height).max(1)).clamp(1, REFINED);
+    let factor = (LARGEST / width.max(height).max(1)).clamp(1, times);
     let size = Viewport::new(factor * width, factor * height);
     painter.draw(mesh, camera, size)?;
     shot.refined(&painter.read_back()?, factor as usize)

@@ -1,6 +1,8 @@
 //! The tables of a report, for those who read tables, and all of it as CSV.
 
-use super::data::{ConversionPoint, GeometryPoint, Method, PicturePoint, Report, TransitionPoint};
+use super::data::{
+    ConversionPoint, GeometryPoint, Method, PicturePoint, Report, RowPoint, TransitionPoint,
+};
 use super::pictures::same;
 use marquetry_evaluation::plot::escaped;
 use std::fmt::Write;
@@ -205,6 +207,7 @@ pub(super) fn transitions(points: &[TransitionPoint]) -> Table {
         vec![
             p.transition.clone(),
             p.view.to_string(),
+            p.changes.to_string(),
             part(p.temporal.mean),
             part(p.temporal.p99),
             part(p.temporal.max),
@@ -217,6 +220,7 @@ pub(super) fn transitions(points: &[TransitionPoint]) -> Table {
         head: vec![
             "transition",
             "view",
+            "changes",
             "popping, mean %",
             "popping, 99th percentile %",
             "popping, largest %",
@@ -225,6 +229,37 @@ pub(super) fn transitions(points: &[TransitionPoint]) -> Table {
             "triangles",
         ],
         rows: points.iter().map(row).collect(),
+    }
+}
+
+/// Frames of many models, and what is advised for how many.
+pub(super) fn rows(report: &Report) -> Table {
+    let row = |p: &RowPoint| {
+        let advised = (report.recommendations.iter())
+            .any(|advice| advice.instances == p.instances && advice.transition == p.transition);
+        vec![
+            p.instances.to_string(),
+            p.transition.clone(),
+            rounded(p.triangles),
+            rounded(p.draw_calls),
+            format!("{:.3}", p.cpu_ms),
+            or_dash(p.gpu_ms.map(|ms| format!("{ms:.3}"))),
+            yes(advised),
+        ]
+    };
+    let mut points: Vec<&RowPoint> = report.rows.iter().collect();
+    points.sort_by_key(|p| p.instances);
+    Table {
+        head: vec![
+            "models",
+            "transition",
+            "triangles",
+            "draw calls",
+            "processor, ms",
+            "GPU, ms",
+            "advised",
+        ],
+        rows: points.into_iter().map(row).collect(),
     }
 }
 
@@ -256,7 +291,7 @@ pub(super) fn conversions(points: &[ConversionPoint]) -> Table {
 }
 
 /// Columns of the CSV; a row has those of its kind and nothing in the others.
-const COLUMNS: [&str; 28] = [
+const COLUMNS: [&str; 36] = [
     "kind",
     "method",
     "distance",
@@ -285,6 +320,14 @@ const COLUMNS: [&str; 28] = [
     "cpu_seconds",
     "on_front_triangles",
     "on_front_bytes",
+    "view",
+    "instances",
+    "draw_calls",
+    "popping_mean",
+    "popping_p99",
+    "popping_max",
+    "fidelity_mean",
+    "fidelity_max",
 ];
 
 /// All points, one a row.
@@ -347,6 +390,32 @@ pub(super) fn csv(report: &Report) -> String {
             ("frame_ms", number(p.time.frame_ms)),
             ("gpu_ms", p.time.gpu_ms.and_then(number)),
             ("on_front_triangles", Some(p.on_front.to_string())),
+        ]);
+    }
+    for p in &report.transitions {
+        row(vec![
+            ("kind", Some("transition".to_owned())),
+            ("method", Some(Method::Marquetry.name().to_owned())),
+            ("setting", Some(p.transition.clone())),
+            ("view", Some(p.view.to_string())),
+            ("triangles", number(p.triangles)),
+            ("popping_mean", number(p.temporal.mean)),
+            ("popping_p99", number(p.temporal.p99)),
+            ("popping_max", number(p.temporal.max)),
+            ("fidelity_mean", number(p.fidelity.mean)),
+            ("fidelity_max", number(p.fidelity.max)),
+        ]);
+    }
+    for p in &report.rows {
+        row(vec![
+            ("kind", Some("row".to_owned())),
+            ("method", Some(Method::Marquetry.name().to_owned())),
+            ("setting", Some(p.transition.clone())),
+            ("instances", Some(p.instances.to_string())),
+            ("triangles", number(p.triangles)),
+            ("draw_calls", number(p.draw_calls)),
+            ("cpu_ms", number(p.cpu_ms)),
+            ("gpu_ms", p.gpu_ms.and_then(number)),
         ]);
     }
     for p in &report.conversions {

@@ -1,8 +1,10 @@
 //! What changing levels looks like: a camera that moves away from the model and back, through all levels.
 //!
-//! Frames are those of a viewer at 30 frames a second with everything loaded before, so that only the change itself is seen. Each is
-//! compared with the whole input from the same eye (`marquetry_evaluation::popping`).
-//! Limit: one model, not many at once: the engine draws one file.
+//! Frames are those of a viewer at 60 frames a second with everything loaded before, so that only the change itself is seen. Each is
+//! compared with the whole input from the same eye (`marquetry_evaluation::popping`). The camera is slow: what the error looks like moves
+//! with it, and that is change from frame to frame as well, which would hide what levels do. Nearly all frames of so slow a flight
+//! show no change of levels; pictures are taken around some of the changes, evenly spread over the flight.
+//! Limit: one model; what many cost is in [`super::row`].
 
 use super::data::TransitionPoint;
 use super::pictures::{BACKGROUND, Studio, looks, refined};
@@ -10,23 +12,34 @@ use super::quality::Shot;
 use super::split::SplitMesh;
 use marquetry_engine::{Camera, Transition, ViewerOptions};
 use marquetry_evaluation::popping::{Popping, Spread};
-use marquetry_native::MeshPainter;
 use marquetry_native::mesh::MeshTexture;
+use marquetry_native::{MeshPainter, Session};
 use std::time::Duration;
 
 /// Seconds between frames.
-const FRAME_SECONDS: f64 = 1.0 / 30.0;
-/// Frames away from the model; as many come back. Slow enough, 0.6% a frame, that what the error looks like moves by less than a pixel:
-/// else that alone is change from frame to frame, and hides what levels do.
-const FRAMES: u32 = 120;
-/// Where the path begins and turns, bounding-sphere radii.
-const NEAREST: f64 = 2.5;
-const FARTHEST: f64 = 5.0;
+pub(super) const FRAME_SECONDS: f64 = 1.0 / 60.0;
+/// Part of the distance that the camera moves in a frame: in pictures of 400 pixels their edges move by a tenth of one.
+const RATE: f64 = 5e-4;
+/// Where the path begins, bounding-sphere radii.
+pub(super) const NEAREST: f64 = 1.5;
+/// Where it turns.
+const FARTHEST: f64 = 40.0;
 /// Views that the path is flown from.
 const VIEWS: [usize; 2] = [0, 9];
+/// Changes that are looked at, of each view and direction.
+const CHANGES: usize = 6;
+/// Frames of a look: one before the change, and all that a transition of a quarter of a second takes.
+const LOOK: usize = 18;
+/// Frames of the path in one step on the way to the next change.
+const STRIDE: usize = 10;
+/// Each load of pages before a flight is from so many times nearer than the one before.
+const NEARER: f64 = 1.5;
 /// Screen-space error, pixels: coarse enough for changes to be seen.
 const ERROR_PX: f64 = 2.0;
-const TRANSITIONS: [Transition; 4] = [
+/// Pixels of the reference, each way, in place of one.
+const REFINED: u32 = 2;
+/// All there are.
+pub(super) const TRANSITIONS: [Transition; 4] = [
     Transition::None,
     Transition::Alpha,
     Transition::Dither,
@@ -51,15 +64,15 @@ pub(super) fn points(
     let mesh = painter.upload(&whole.plain())?;
     let mut points = Vec::new();
     for (number, &view) in VIEWS.iter().enumerate() {
-        let cameras = path(studio, view)?;
+        let looks = looks_at_changes(studio, view)?;
         let mut references = Vec::new();
-        for camera in &cameras {
+        for camera in looks.iter().flat_map(|look| &look.seen) {
             painter.draw(&mesh, camera, studio.size)?;
             let shot = Shot::new(painter.read_back()?, BACKGROUND.0)?;
-            references.push(refined(&mut painter, &mesh, camera, &shot)?);
+            references.push(refined(&mut painter, &mesh, camera, &shot, REFINED)?);
         }
         for (k, transition) in TRANSITIONS.into_iter().enumerate() {
-            points.push(flown(studio, view, transition, &cameras, &references)?);
+            points.push(flown(studio, view, transition, &looks, &references)?);
             let done = (number * TRANSITIONS.len() + k + 1) as f64;
             (studio.tell)(done / (VIEWS.len() * TRANSITIONS.len()) as f64);
         }
@@ -67,24 +80,26 @@ pub(super) fn points(
     Ok(points)
 }
 
-/// Away and back, by equal factors.
-fn path(studio: &Studio<'_>, view: usize) -> anyhow::Result<Vec<Camera>> {
-    (0..2 * FRAMES)
-        .map(|frame| {
-            let part = f64::from(frame.min(2 * FRAMES - 1 - frame)) / f64::from(FRAMES - 1);
-            let distance = NEAREST * (FARTHEST / NEAREST).powf(part);
-            Ok(Camera::standard(studio.metadata, view, distance)?)
-        })
-        .collect()
+/// A stretch of the path around a change of levels.
+struct Look {
+    /// Where it begins anew, everything at rest.
+    start: Option<Camera>,
+    /// The way there, in long steps.
+    way: Vec<Camera>,
+    /// Frame by frame.
+    seen: Vec<Camera>,
 }
 
-fn flown(
+/// A session with all pages that the way from `farthest` to [`NEAREST`] takes.
+///
+/// # Errors
+/// When the file cannot be shown.
+pub(super) fn loaded(
     studio: &Studio<'_>,
-    view: usize,
     transition: Transition,
-    cameras: &[Camera],
-    references: &[Shot],
-) -> anyhow::Result<TransitionPoint> {
+    view: usize,
+    farthest: f64,
+) -> anyhow::Result<Session> {
     let options = ViewerOptions {
         background: BACKGROUND,
         error_px: ERROR_PX,
@@ -92,27 +107,153 @@ fn flown(
         ..ViewerOptions::default()
     };
     let mut session = studio.headless.session(&studio.source, options)?;
-    // The way back first, so that it ends where the flight begins, with all pages that it takes.
-    for camera in cameras.iter().rev() {
-        session.settle(*camera, studio.size)?;
+    let mut distance = farthest;
+    while distance > NEAREST {
+        session.settle(
+            Camera::standard(studio.metadata, view, distance)?,
+            studio.size,
+        )?;
+        distance /= NEARER;
     }
-    let mut popping = Popping::default();
-    let mut triangles = 0.0;
-    for (camera, reference) in cameras.iter().zip(references) {
-        session.viewer().set_camera(*camera);
+    Ok(session)
+}
+
+/// Flies all of the path with changes at once, to see where they are, and picks some of them.
+fn looks_at_changes(studio: &Studio<'_>, view: usize) -> anyhow::Result<Vec<Look>> {
+    let mut session = loaded(studio, Transition::None, view, FARTHEST)?;
+    let mut path = Vec::new();
+    let mut distance = NEAREST;
+    while distance < FARTHEST {
+        path.push(Camera::standard(studio.metadata, view, distance)?);
+        distance *= 1.0 + RATE;
+    }
+    let mut looks = Vec::new();
+    for _ in ["away", "back"] {
+        let changes = changes(studio, &mut session, &path)?;
+        looks.extend(looks_of(&path, &changes));
+        path.reverse();
+    }
+    Ok(looks)
+}
+
+/// Frames of the path that draw other levels than the one before.
+fn changes(
+    studio: &Studio<'_>,
+    session: &mut Session,
+    path: &[Camera],
+) -> anyhow::Result<Vec<usize>> {
+    let mut changes = Vec::new();
+    if let Some(&start) = path.first() {
+        session.settle(start, studio.size)?;
+    }
+    let mut last = session.viewer().drawn().cut.clone();
+    for (frame, &camera) in path.iter().enumerate() {
+        session.viewer().set_camera(camera);
         session.step(FRAME_SECONDS, studio.size, Duration::ZERO);
-        session.draw(studio.size)?;
-        let shot = Shot::new(session.read_back()?, BACKGROUND.0)?;
-        triangles += session.viewer().stats().triangles as f64;
-        let mask = shot.mask.union(&reference.mask)?;
-        popping.add(shot.image()?, reference.image()?, &mask)?;
+        let drawn = &session.viewer().drawn().cut;
+        if *drawn != last {
+            last = drawn.clone();
+            changes.push(frame);
+        }
+    }
+    Ok(changes)
+}
+
+/// Looks at [`CHANGES`] of the `changes`, or all; one look does for those that it shows anyway.
+fn looks_of(path: &[Camera], changes: &[usize]) -> Vec<Look> {
+    let count = changes.len().min(CHANGES);
+    let mut looks: Vec<Look> = Vec::new();
+    // Frames before this one have been flown.
+    let mut flown = 0;
+    for k in 0..count {
+        let change = changes[k * (changes.len() - 1) / (count - 1).max(1)];
+        let begin = change.saturating_sub(1);
+        let end = (begin + LOOK).min(path.len());
+        if begin < flown {
+            continue;
+        }
+        looks.push(Look {
+            start: path.first().copied().filter(|_| looks.is_empty()),
+            way: path[flown..begin].iter().step_by(STRIDE).copied().collect(),
+            seen: path[begin..end].to_vec(),
+        });
+        flown = end;
+    }
+    looks
+}
+
+fn flown(
+    studio: &Studio<'_>,
+    view: usize,
+    transition: Transition,
+    looks: &[Look],
+    references: &[Shot],
+) -> anyhow::Result<TransitionPoint> {
+    let mut session = loaded(studio, transition, view, FARTHEST)?;
+    let (mut temporal, mut fidelity) = (Vec::new(), Vec::new());
+    let mut triangles = 0.0;
+    let mut references = references.iter();
+    for look in looks {
+        if let Some(start) = look.start {
+            session.settle(start, studio.size)?;
+        }
+        for &camera in &look.way {
+            session.viewer().set_camera(camera);
+            session.step(STRIDE as f64 * FRAME_SECONDS, studio.size, Duration::ZERO);
+        }
+        let mut popping = Popping::default();
+        for (&camera, reference) in look.seen.iter().zip(&mut references) {
+            session.viewer().set_camera(camera);
+            session.step(FRAME_SECONDS, studio.size, Duration::ZERO);
+            session.draw(studio.size)?;
+            let shot = Shot::new(session.read_back()?, BACKGROUND.0)?;
+            triangles += session.viewer().stats().triangles as f64;
+            let mask = shot.mask.union(&reference.mask)?;
+            popping.add(shot.image()?, reference.image()?, &mask)?;
+        }
+        temporal.extend_from_slice(popping.temporal());
+        fidelity.extend_from_slice(popping.fidelity());
     }
     Ok(TransitionPoint {
         transition: transition.name().to_owned(),
         view,
-        frames: cameras.len(),
-        temporal: Spread::of(popping.temporal()),
-        fidelity: Spread::of(popping.fidelity()),
-        triangles: triangles / cameras.len().max(1) as f64,
+        changes: looks.len(),
+        frames: fidelity.len(),
+        temporal: Spread::of(&temporal),
+        fidelity: Spread::of(&fidelity),
+        triangles: triangles / fidelity.len().max(1) as f64,
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use glam::DVec3;
+
+    #[test]
+    fn looks_are_spread_over_changes_and_do_not_overlap() {
+        let path: Vec<Camera> = (1..=1000)
+            .map(|k| Camera {
+                eye: DVec3::X * f64::from(k),
+                target: DVec3::ZERO,
+                up: DVec3::Z,
+            })
+            .collect();
+        let at = |camera: &Camera| camera.eye.x - 1.0;
+        let changes = [0, 100, 105, 300, 301, 302, 500, 700, 999];
+        let looks = looks_of(&path, &changes);
+        let begins: Vec<f64> = looks.iter().map(|look| at(&look.seen[0])).collect();
+        assert_eq!(begins, [0.0, 99.0, 299.0, 499.0, 998.0]);
+        assert!(looks[0].start.is_some() && looks[1..].iter().all(|look| look.start.is_none()));
+        assert_eq!(looks[0].seen.len(), LOOK);
+        assert_eq!(looks[4].seen.len(), 2);
+        // On the way nothing that was seen comes again, and all before the look.
+        for pair in looks.windows(2) {
+            let end = at(pair[0].seen.last().unwrap());
+            assert!((at(&pair[1].way[0]) - (end + 1.0)).abs() < 0.5);
+            assert!(at(pair[1].way.last().unwrap()) < at(&pair[1].seen[0]));
+        }
+        assert!(looks_of(&path, &[]).is_empty());
+        assert_eq!(looks_of(&path, &[7]).len(), 1);
+    }
 }

@@ -6,10 +6,11 @@
 //!
 //! Limits: the file is read into memory as a whole; every count in it is bounded by its size before memory is taken;
 //! gzip may expand to at most [`expansion_limit`] bytes. Curves, points, lines, normals, morph targets and skins are not read.
-//! Vertex colours are sRGB with 8 bits a channel; textures of OBJ and glTF come as an [`Appearance`].
+//! Vertex colours are sRGB with 8 bits a channel; textures of OBJ and glTF and colours of faces come as an [`Appearance`].
 
 mod colour;
 mod detect;
+mod face_colours;
 mod faces;
 mod gltf;
 mod obj;
@@ -56,6 +57,8 @@ struct Soup {
     positions: Vec<DVec3>,
     colours: Vec<[u8; 3]>,
     faces: Faces,
+    /// One a face of three and more corners; empty where no face has any.
+    face_colours: Vec<Option<[u8; 3]>>,
     /// Bytes read from other files.
     referenced_bytes: u64,
     /// Materials and textures.
@@ -142,7 +145,7 @@ fn parse(mut bytes: Vec<u8>, path: &Path) -> Result<(ImportedMesh, ImportReport)
             },
         )
     })?;
-    let soup = match format {
+    let mut soup = match format {
         Format::Ply => ply::parse(&bytes)?,
         Format::Obj => {
             let mut soup = obj::parse(&bytes)?;
@@ -155,6 +158,7 @@ fn parse(mut bytes: Vec<u8>, path: &Path) -> Result<(ImportedMesh, ImportReport)
         Format::Gltf => gltf::parse_gltf(&bytes, &name)?,
     };
     drop(bytes);
+    face_colours::put_on(&mut soup);
     finish(soup, format, gzipped, stored_bytes)
 }
 
@@ -196,6 +200,7 @@ fn finish(
         faces,
         referenced_bytes,
         appearance,
+        ..
     } = soup;
     let vertices = positions.len() as u64;
     if u32::try_from(positions.len()).is_err() {

@@ -125,6 +125,35 @@ impl Faces {
             && 3 * self.triangles.len() + self.corners.len() == corners
     }
 
+    /// Faces of three and more corners.
+    pub(super) fn filed(&self) -> usize {
+        self.triangles.len() + self.polygons.len()
+    }
+
+    /// For every triangle that [`Self::triangulate`] makes, what `values` has for its face: one entry a face of three and more
+    /// corners, in order. None where there are more or fewer, or an index is out of range.
+    pub(super) fn spread<T: Copy>(&self, positions: &[DVec3], values: &[T]) -> Option<Vec<T>> {
+        let is_known = self
+            .greatest
+            .is_none_or(|(g, _)| (g as usize) < positions.len());
+        if !is_known || values.len() != self.filed() {
+            return None;
+        }
+        let mut out = Vec::with_capacity(values.len());
+        let (mut at, mut done, mut start) = (0, 0, 0);
+        let mut triangles = Vec::new();
+        for &(before, end) in &self.polygons {
+            let polygon = at + before - done;
+            out.extend_from_slice(&values[at..polygon]);
+            triangles.clear();
+            polygon::triangulate(&self.corners[start..end], positions, &mut triangles);
+            out.extend(triangles.iter().map(|_| values[polygon]));
+            (at, done, start) = (polygon + 1, before, end);
+        }
+        out.extend_from_slice(&values[at..]);
+        Some(out)
+    }
+
     /// For every triangle that [`Self::triangulate`] makes, its corners' places in `values`, which has one entry a corner
     /// of the faces added, in order; faces with fewer than three corners have none there.
     pub(super) fn carry<T: Copy>(&self, positions: &[DVec3], values: &[T], out: &mut Vec<[T; 3]>) {

@@ -1,7 +1,7 @@
 //! OFF, the Object File Format of Geomview, ASCII.
 //!
-//! The variants `ST`, `C` and `N` in any combination; comments; polygons; colours of vertices. Normals, texture coordinates
-//! and colours of faces are stepped over. Limit: one vertex or face a line, as every writer does; `4OFF`, `nOFF` and the binary form are refused.
+//! The variants `ST`, `C` and `N` in any combination; comments; polygons; colours of vertices and of faces. Normals, texture coordinates
+//! and numbers of colours in a map are stepped over. Limit: one vertex or face a line, as every writer does; `4OFF`, `nOFF` and the binary form are refused.
 
 use super::text::{count_lines, integer, line_chunks, lines, number, words};
 use super::{Soup, colour};
@@ -115,7 +115,7 @@ pub(super) fn parse(bytes: &[u8]) -> Result<Soup, ParseError> {
             start
         })
         .collect();
-    let parts: Vec<Soup> = chunks
+    let parts: Vec<(Soup, FaceColours)> = chunks
         .par_iter()
         .zip(starts)
         .map(|(chunk, (line, record))| parse_chunk(chunk, line, record, kind, vertices, faces))
@@ -129,12 +129,56 @@ pub(super) fn parse(bytes: &[u8]) -> Result<Soup, ParseError> {
     soup.positions
         .reserve_exact(usize::try_from(vertices).unwrap_or(0));
     soup.faces.reserve(usize::try_from(faces).unwrap_or(0));
-    for part in parts {
+    let mut face_colours = FaceColours::default();
+    for (part, colours) in parts {
         soup.positions.extend(part.positions);
         soup.colours.extend(part.colours);
+        face_colours.append(soup.faces.filed(), colours);
         soup.faces.append(part.faces);
     }
+    soup.face_colours = face_colours.into_bytes(soup.faces.filed());
     Ok(soup)
+}
+
+/// Colours of faces of three and more corners as they stand; none from the last that has one on.
+#[derive(Debug, Default)]
+struct FaceColours(Vec<Option<[f32; 3]>>);
+
+impl FaceColours {
+    /// The colour of the face after `before` others.
+    fn push(&mut self, before: usize, colour: Option<[f32; 3]>) {
+        if colour.is_some() {
+            self.0.resize(before, None);
+            self.0.push(colour);
+        }
+    }
+
+    /// The colours of what comes after `before` faces.
+    fn append(&mut self, before: usize, other: Self) {
+        if !other.0.is_empty() {
+            self.0.resize(before, None);
+            self.0.extend(other.0);
+        }
+    }
+
+    /// Of `faces` faces. Channels end at 255 if any is above 1, else at 1: files do not say which.
+    fn into_bytes(mut self, faces: usize) -> Vec<Option<[u8; 3]>> {
+        if self.0.is_empty() {
+            return Vec::new();
+        }
+        self.0.resize(faces, None);
+        let channels = || self.0.iter().flatten().flatten();
+        let most = if channels().any(|&c| c > 1.0) {
+            255.0
+        } else {
+            1.0
+        };
+        let byte = |c: f32| colour::byte_from_unit(f64::from(c) / most);
+        self.0
+            .iter()
+            .map(|colour| colour.map(|rgb| rgb.map(byte)))
+            .collect()
+    }
 }
 
 /// What `records` lines leave missing.
@@ -157,8 +201,8 @@ fn parse_chunk(
     kind: Keyword,
     vertices: u64,
     faces: u64,
-) -> Result<Soup, ParseError> {
-    let mut soup = Soup::default();
+) -> Result<(Soup, FaceColours), ParseError> {
+    let (mut soup, mut colours) = (Soup::default(), FaceColours::default());
     let mut face = Vec::new();
     for (number, text) in lines(chunk) {
         let text = stripped(text);
@@ -169,14 +213,17 @@ fn parse_chunk(
         if record < vertices {
             parse_vertex(text, place, kind, &mut soup)?;
         } else if record - vertices < faces {
-            parse_face(text, place, vertices, &mut face)?;
+            let colour = parse_face(text, place, vertices, &mut face)?;
+            if face.len() >= 3 {
+                colours.push(soup.faces.filed(), colour);
+            }
             soup.faces.push(&face, place);
         } else {
             break;
         }
         record += 1;
     }
-    Ok(soup)
+    Ok((soup, colours))
 }
 
 fn parse_header<'a>(
@@ -267,12 +314,13 @@ fn parse_vertex(
     Ok(())
 }
 
+/// The corners of a face, and its colour as it stands.
 fn parse_face(
     line: &[u8],
     place: Place,
     vertices: u64,
     face: &mut Vec<u32>,
-) -> Result<(), ParseError> {
+) -> Result<Option<[f32; 3]>, ParseError> {
     face.clear();
     let mut rest = words(line);
     let corners = integer(rest.next().unwrap_or_default(), place, "number of corners")?;
@@ -296,7 +344,17 @@ fn parse_face(
             .ok_or_else(|| ParseError::at(place, Fault::IndexOutOfRange { index, vertices }))?;
         face.push(vertex);
     }
-    Ok(())
+    // One number more is a place in a map of colours.
+    let mut channel = || {
+        let value = number(rest.next()?, place, "colour").ok()?;
+        #[expect(clippy::cast_possible_truncation, reason = "to be a byte")]
+        let value = value as f32;
+        Some(value)
+    };
+    Ok(match [channel(), channel(), channel()] {
+        [Some(r), Some(g), Some(b)] => Some([r, g, b]),
+        _ => None,
+    })
 }
 
 #[cfg(test)]
@@ -311,6 +369,31 @@ mod tests {
         let soup = parse(text).unwrap();
         assert_eq!(soup.colours, [[255, 0, 10], [0, 255, 0], [255, 0, 0]]);
         assert_eq!(soup.faces.len(), 1);
+        assert_eq!(soup.face_colours, [Some([255, 0, 0])]);
+    }
+
+    #[test]
+    fn colours_of_faces_are_bytes_or_parts_of_one_and_may_be_missing() {
+        let colours = |faces: [&str; 4]| {
+            let text = format!("OFF\n3 4 0\n0 0 0\n1 0 0\n0 1 0\n{}\n", faces.join("\n"));
+            parse(text.as_bytes()).unwrap().face_colours
+        };
+        let face = "3 0 1 2";
+        assert!(colours([face; 4]).is_empty());
+        assert!(colours(["3 0 1 2 7", face, "3 0 1 2 1 2", "3 0 1 2 a b c"]).is_empty());
+        assert_eq!(
+            colours([
+                face,
+                "3 0 1 2 1 0 1 # dark",
+                "2 0 1 9 9 9",
+                "3 0 1 2 255 9 0 40"
+            ]),
+            [None, Some([1, 0, 1]), Some([255, 9, 0])]
+        );
+        assert_eq!(
+            colours(["3 0 1 2 1 0 0.5", "3 0 1 2 0.2 1.0 0", "3 0 1 2 4", face]),
+            [Some([255, 0, 128]), Some([51, 255, 0]), None, None]
+        );
     }
 
     #[test]
@@ -339,7 +422,8 @@ mod tests {
         }
         for i in 0..m {
             if i % 3 == 0 {
-                writeln!(text, "4 {i} {} {} {}", i + 1, i + 2, i + 3).unwrap();
+                let colour = if i > m / 2 { " 9 8 7" } else { "" };
+                writeln!(text, "4 {i} {} {} {}{colour}", i + 1, i + 2, i + 3).unwrap();
             } else {
                 write!(text, "3 {i} {} {}\r\n", i + 1, i + 2).unwrap();
             }
@@ -352,6 +436,8 @@ mod tests {
                 .zip(&soup.positions)
                 .all(|(i, p)| { *p == DVec3::new(f64::from(i), 0.5, -f64::from(i)) })
         );
+        let coloured = |i: u32| (i.is_multiple_of(3) && i > m / 2).then_some([9, 8, 7]);
+        assert_eq!(soup.face_colours, (0..m).map(coloured).collect::<Vec<_>>());
         let (triangles, _) = soup.faces.triangulate(&soup.positions).unwrap();
         let mut expected = Vec::new();
         for i in 0..m {

@@ -1,8 +1,8 @@
 //! PLY, the Polygon File Format (Turk, "The PLY Polygon File Format", 1994).
 //!
 //! ASCII and binary of both byte orders; properties of any type in any order; faces as lists of any length, and
-//! `tristrips` lists with −1 between strips; vertex colours (`red`, `green`, `blue`, also with the prefix `diffuse_`). Other elements and
-//! properties are stepped over.
+//! `tristrips` lists with −1 between strips; colours of vertices and of faces (`red`, `green`, `blue`, also with the prefix `diffuse_`).
+//! Other elements and properties are stepped over.
 //!
 //! Records of one shape are read in parallel ([`bulk`]), others one by one.
 //!
@@ -21,6 +21,8 @@ use header::{Element, Encoding, Header, Property, Scalar};
 
 /// Records from which on reading in parallel pays.
 const BULK: u64 = 512;
+/// Names of the properties that are a colour.
+const COLOUR: [&str; 3] = ["red", "green", "blue"];
 
 pub(super) fn parse(bytes: &[u8]) -> Result<Soup, ParseError> {
     parse_from(bytes, BULK)
@@ -112,18 +114,10 @@ fn read_vertices(
             },
         )
     };
-    let find = |name: &str| {
-        element.properties.iter().position(|p| {
-            p.list.is_none() && (p.name == name || p.name.strip_prefix("diffuse_") == Some(name))
-        })
-    };
-    let (Some(x), Some(y), Some(z)) = (find("x"), find("y"), find("z")) else {
+    let Some([x, y, z]) = scalars(element, ["x", "y", "z"]) else {
         return Err(bad("element vertex has no properties x, y and z"));
     };
-    let rgb = match (find("red"), find("green"), find("blue")) {
-        (Some(r), Some(g), Some(b)) => Some([r, g, b]),
-        _ => None,
-    };
+    let rgb = scalars(element, COLOUR);
     if !soup.positions.is_empty() {
         return Err(bad("element vertex occurs twice"));
     }
@@ -172,6 +166,17 @@ fn read_vertices(
     Ok(())
 }
 
+/// The properties of these names that are no lists, if all are there.
+fn scalars(element: &Element, names: [&str; 3]) -> Option<[usize; 3]> {
+    let find = |name: &str| {
+        element.properties.iter().position(|p| {
+            p.list.is_none() && (p.name == name || p.name.strip_prefix("diffuse_") == Some(name))
+        })
+    };
+    let [first, second, third] = names.map(find);
+    Some([first?, second?, third?])
+}
+
 fn read_colour(rgb: [f64; 3], scalar: Scalar) -> [u8; 3] {
     match scalar {
         Scalar::F32 | Scalar::F64 => colour::bytes_from_either(rgb),
@@ -205,24 +210,23 @@ fn corner_list(element: &Element) -> Result<usize, ParseError> {
         })
 }
 
-/// Calls `each` with the corners of every record, −1 standing for itself.
+/// Calls `each` with the corners of every record, −1 standing for itself, and with the values of its properties, 0 for lists.
 fn for_each_list<B: Body>(
     element: &Element,
     body: &mut B,
-    mut each: impl FnMut(&[i64], Place) -> Result<(), ParseError>,
+    mut each: impl FnMut(&[i64], &[f64], Place) -> Result<(), ParseError>,
 ) -> Result<(), ParseError> {
     if records(element) == 0 {
         return Ok(());
     }
     let corners = corner_list(element)?;
     let mut list = Vec::new();
+    let mut values = vec![0.0; element.properties.len()];
     for _ in 0..element.count {
         let place = body.next_place();
         for (i, property) in element.properties.iter().enumerate() {
             match property.list {
-                None => {
-                    body.scalar(property.scalar)?;
-                }
+                None => values[i] = body.scalar(property.scalar)?,
                 Some(length) if i == corners => {
                     let n = body.list_length(length, property.scalar)?;
                     list.clear();
@@ -233,7 +237,7 @@ fn for_each_list<B: Body>(
                 Some(length) => skip_list(property, length, body)?,
             }
         }
-        each(&list, place)?;
+        each(&list, &values, place)?;
     }
     Ok(())
 }
@@ -243,12 +247,18 @@ fn read_faces(element: &Element, body: &mut impl Body, soup: &mut Soup) -> Resul
         .reserve(usize::try_from(records(element)).unwrap_or(0));
     let mut face = Vec::new();
     let vertices = soup.positions.len();
-    for_each_list(element, body, |list, place| {
+    let rgb = scalars(element, COLOUR);
+    for_each_list(element, body, |list, values, place| {
         face.clear();
         for &index in list {
             face.push(vertex_index(index, vertices, place)?);
         }
         soup.faces.push(&face, place);
+        if let Some(rgb) = rgb.filter(|_| face.len() >= 3) {
+            let scalar = element.properties[rgb[0]].scalar;
+            let colour = read_colour(rgb.map(|i| values[i]), scalar);
+            soup.face_colours.push(Some(colour));
+        }
         Ok(())
     })
 }
@@ -265,7 +275,7 @@ fn read_triangles(element: &Element, body: &mut impl Bulk, soup: &mut Soup) -> O
         return None;
     }
     let vertices = soup.positions.len() as f64;
-    let triangles = body.rows(usize::try_from(element.count).ok()?, &columns, |values| {
+    let triangle = |values: &[f64]| {
         let mut triangle = [0; 3];
         for (corner, &index) in triangle.iter_mut().zip(&values[first..first + 3]) {
             if !(index >= 0.0 && index < vertices && index.fract() == 0.0) {
@@ -280,7 +290,20 @@ fn read_triangles(element: &Element, body: &mut impl Bulk, soup: &mut Soup) -> O
             *corner = index;
         }
         Some(triangle)
-    })?;
+    };
+    let count = usize::try_from(element.count).ok()?;
+    let triangles = if let Some(rgb) = scalars(element, COLOUR) {
+        let scalar = element.properties[rgb[0]].scalar;
+        let rows = body.rows(count, &columns, |values| {
+            let colour = read_colour(rgb.map(|i| values[starts[i]]), scalar);
+            Some((triangle(values)?, Some(colour)))
+        })?;
+        let (triangles, colours): (Vec<_>, Vec<_>) = rows.into_iter().unzip();
+        soup.face_colours.extend(colours);
+        triangles
+    } else {
+        body.rows(count, &columns, triangle)?
+    };
     soup.faces.extend_checked(triangles);
     Some(())
 }
@@ -288,7 +311,7 @@ fn read_triangles(element: &Element, body: &mut impl Bulk, soup: &mut Soup) -> O
 fn read_strips(element: &Element, body: &mut impl Body, soup: &mut Soup) -> Result<(), ParseError> {
     let mut strip = Vec::new();
     let vertices = soup.positions.len();
-    for_each_list(element, body, |list, place| {
+    for_each_list(element, body, |list, _, place| {
         for part in list.split(|&i| i == -1) {
             strip.clear();
             for &index in part {

@@ -188,7 +188,8 @@ fn regular(
     let mut file = format!(
         "ply\nformat {format} 1.0\nelement vertex {count}\nproperty float x\nproperty double y\nproperty float z\n\
          property uchar red\nproperty uchar green\nproperty uchar blue\nelement face {count}\nproperty short flags\n\
-         property list uchar int vertex_indices\nproperty list uchar float texcoord\nend_header\n"
+         property list uchar int vertex_indices\nproperty list uchar float texcoord\n\
+         property uchar red\nproperty uchar green\nproperty uchar blue\nend_header\n"
     )
     .into_bytes();
     for i in 0..count {
@@ -218,6 +219,9 @@ fn regular(
                 ('b', 2.0),
                 ('f', 0.25),
                 ('f', 0.75),
+                ('b', f64::from(i % 256)),
+                ('b', 5.0),
+                ('b', 0.0),
             ],
         );
     }
@@ -261,7 +265,7 @@ fn assert_bulk_is_the_same(bytes: &[u8]) {
             .iter()
             .map(|p| p.to_array().map(f64::to_bits))
             .collect();
-        Ok::<_, ParseError>((bits, soup.colours, triangles))
+        Ok::<_, ParseError>((bits, soup.colours, triangles, soup.face_colours))
     };
     assert_eq!(read(0), read(u64::MAX));
 }
@@ -280,6 +284,8 @@ fn bulk_reading_takes_regular_files() {
             (300, 300, 300)
         );
         assert_eq!(soup.positions[299], DVec3::new(21.5, -43.0, 3.0));
+        assert_eq!(soup.face_colours.len(), 300);
+        assert_eq!(soup.face_colours[299], Some([43, 5, 0]));
     }
 }
 
@@ -308,7 +314,7 @@ fn bulk_reading_leaves_irregular_files_alone() {
         assert_bulk_is_the_same(&text.as_bytes()[..end]);
     }
     let binary = regular("binary_little_endian", 5, put_binary::<false>);
-    let body = binary.len() - 5 * (23 + 25);
+    let body = binary.len() - 5 * (23 + 28);
     for at in body..binary.len() {
         for value in [0, 1, 4, 255] {
             let mut changed = binary.clone();

@@ -7,6 +7,7 @@ use super::cluster::{self, Canvas};
 use super::coarse;
 use super::images::{ImageError, ImageStore};
 use super::light::Light;
+use super::seams;
 use super::source::SourceMesh;
 use crate::atlas::patch::Patch;
 use crate::mesh::ImportedMesh;
@@ -26,6 +27,8 @@ pub struct Textures {
     /// The imported triangles, where an image is on them.
     source: Option<SourceMesh>,
     image_budget_bytes: u64,
+    /// Images of the input, and their bytes.
+    images: (usize, u64),
 }
 
 /// What is on which triangle.
@@ -75,9 +78,10 @@ impl Textures {
     pub fn take(mesh: &mut ImportedMesh, memory_bytes: u64) -> Result<Self, ImageError> {
         let appearance = std::mem::take(&mut mesh.appearance);
         let mut textures = Self {
-            appearance,
             source: None,
             image_budget_bytes: memory_bytes / IMAGE_SHARE,
+            images: (appearance.images.len(), appearance.image_bytes()),
+            appearance,
         };
         for warning in &textures.appearance.warnings {
             tracing::warn!("{warning}");
@@ -85,7 +89,9 @@ impl Textures {
         if textures.appearance.has_colours() {
             let images = textures.images();
             let light = Light::new();
-            mesh.colours = coarse::vertex_colours(mesh, &textures.appearance, &images, &light)?;
+            let colours = coarse::vertex_colours(mesh, &textures.appearance, &images, &light)?;
+            seams::sharpen(mesh, &mut textures.appearance, &light);
+            mesh.colours = colours;
         }
         if textures.appearance.is_textured() {
             // Without a triangle that has an area there is no surface, which is said later.
@@ -184,8 +190,8 @@ impl Textures {
     /// What is reported, but for the tiles.
     pub fn report(self) -> TextureReport {
         TextureReport {
-            images: self.appearance.images.len(),
-            image_bytes: self.appearance.image_bytes(),
+            images: self.images.0,
+            image_bytes: self.images.1,
             normal_maps: self.appearance.normal_maps,
             warnings: self.appearance.warnings,
             ..TextureReport::default()

@@ -38,8 +38,11 @@ impl SplitMesh {
             }
             let face = mesh.appearance.faces.get(number);
             let material = face.map_or(NO_MATERIAL, |face| face.material);
-            let factor = mesh.appearance.materials.get(material as usize);
-            let factor = factor.map(|material| light.srgb(material.factor));
+            let look = mesh.appearance.materials.get(material as usize);
+            let factor = look.map(|material| light.srgb(material.factor));
+            // Plain colours are those of vertices: there may be as many as faces.
+            let has_image = look.is_some_and(|material| material.image.is_some());
+            let material = if has_image { material } else { NO_MATERIAL };
             let corners = [0, 1, 2].map(|k: usize| {
                 let uv = face.map_or(Vec2::ZERO, |face| face.uv[k]);
                 let own = mesh.colours.get(triangle[k] as usize).copied();
@@ -116,7 +119,7 @@ fn welded(positions: &[DVec3], triangles: &[[u32; 3]]) -> (Vec<u32>, Vec<DVec3>)
     (first, normals)
 }
 
-/// The texture of every material, white where it has no image.
+/// The texture of every material up to the last that has an image, white where there is none.
 ///
 /// # Errors
 /// When an image is damaged.
@@ -144,12 +147,16 @@ pub(super) fn textures(appearance: &Appearance) -> anyhow::Result<Vec<MeshTextur
             wrap,
         })
     };
-    appearance.materials.iter().map(texture).collect()
+    let materials = &appearance.materials;
+    let last = materials.iter().rposition(|m| m.image.is_some());
+    let used = last.map_or(0, |last| last + 1);
+    materials[..used].iter().map(texture).collect()
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use glam::Vec3;
     use marquetry_converter::mesh::ImportedMesh;
     use marquetry_converter::texture::appearance::{Material, TexturedFace};
 
@@ -183,18 +190,34 @@ mod tests {
     }
 
     #[test]
-    fn materials_part_vertices_and_triangles() {
-        let mut mesh = square();
+    fn images_part_vertices_and_triangles_and_plain_colours_vertices_alone() {
+        let mesh = square();
         let face = |material| TexturedFace {
             material,
             uv: [Vec2::ZERO; 3],
         };
-        mesh.appearance.materials = vec![Material::default(); 2];
-        mesh.appearance.faces = vec![face(1), face(0), face(1)];
-        let split = SplitMesh::new(&reference(mesh));
-        assert_eq!(split.vertices.len(), 6);
-        let plain = split.plain();
-        let textures: Vec<_> = plain.parts.iter().map(|part| part.texture).collect();
-        assert_eq!(textures, [Some(0), Some(1)]);
+        let looks = |image: Option<u32>, factor| Material {
+            image,
+            factor,
+            ..Material::default()
+        };
+        let parts = |materials: [Material; 2]| {
+            let mut mesh = mesh.clone();
+            mesh.appearance.materials = materials.to_vec();
+            mesh.appearance.faces = vec![face(1), face(0), face(1)];
+            let split = SplitMesh::new(&reference(mesh));
+            assert_eq!(split.vertices.len(), 6);
+            let parts = split.plain().parts.into_iter();
+            parts.map(|part| part.texture).collect::<Vec<_>>()
+        };
+        let images = [0, 1].map(|image| looks(Some(image), Vec3::ONE));
+        assert_eq!(parts(images), [Some(0), Some(1)]);
+        let colours = [Vec3::X, Vec3::Y].map(|colour| looks(None, colour));
+        assert_eq!(parts(colours), [None]);
+        let appearance = |materials: &[Material]| Appearance {
+            materials: materials.to_vec(),
+            ..Appearance::default()
+        };
+        assert!(textures(&appearance(&colours)).unwrap().is_empty());
     }
 }

@@ -112,7 +112,7 @@ pub enum Outcome {
     Met(Found),
     /// Something else.
     Missed(String),
-    /// What the case is about is not built yet, or known to be wrong.
+    /// What the case is about is not built yet.
     Open(String),
     /// This machine lacks what the case needs.
     Ignored(String),
@@ -152,21 +152,6 @@ impl Case {
             name: name.to_owned(),
             required: "converts".to_owned(),
             run: Box::new(move |_| Ok(Outcome::Open(why.to_owned()))),
-        }
-    }
-
-    /// The same, known to be wrong: open as long as it is, and missed once it is as required, so that the list is kept true.
-    fn known(self, why: &'static str) -> Self {
-        let run = self.run;
-        Self {
-            run: Box::new(move |depth| match run(depth) {
-                Ok(Outcome::Met(_)) => Ok(Outcome::Missed(
-                    "is as required by now, and listed as open".to_owned(),
-                )),
-                Ok(other) => Ok(other),
-                Err(error) => Ok(Outcome::Open(format!("{why} ({error:#})"))),
-            }),
-            ..self
         }
     }
 
@@ -237,14 +222,6 @@ mod tests {
         assert_eq!(outcome(&wrong), Outcome::Missed("wrong".to_owned()));
         let panics = case(|| panic!("on purpose"));
         assert_eq!(outcome(&panics), Outcome::Missed("a panic".to_owned()));
-    }
-
-    #[test]
-    fn what_is_known_is_open_until_it_is_mended() {
-        let wrong = case(|| anyhow::bail!("wrong")).known("known");
-        assert_eq!(outcome(&wrong), Outcome::Open("known (wrong)".to_owned()));
-        let mended = case(|| Ok(Outcome::Met(Found::default()))).known("known");
-        assert!(matches!(outcome(&mended), Outcome::Missed(_)));
     }
 
     #[test]

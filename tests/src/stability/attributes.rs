@@ -12,15 +12,9 @@ use std::path::{Path, PathBuf};
 /// Cells of a side, and of a block of the cases that need some.
 const CELLS: u32 = 48;
 const BLOCK: u32 = 6;
+const SIDE: u32 = CELLS + 1;
 /// Texels of a side of an image.
 const TEXELS: u32 = 128;
-
-/// Colours that are no image's are those of samples, which are as close as the shape asks for.
-const COARSE_COLOURS: &str =
-    "colours without images are as coarse as the samples, and flat places have few";
-
-/// Not looked into yet.
-const BARE_FACES: &str = "faces without texture coordinates beside faces with an image are not shown white; why is not found out";
 
 /// What the sheet wears.
 #[derive(Debug, Clone, Copy)]
@@ -35,27 +29,38 @@ enum Dress {
     Missing,
     /// The image is not there.
     NoImage,
-    /// No image; every block has a colour of its own.
+    /// No image; every block has a material of its own colour.
     Colours,
+    /// The same in PLY, as a property of faces, which are triangles.
+    InPly,
+    /// The same in OFF, behind the corners of faces.
+    InOff,
 }
 
 impl Dress {
-    const ALL: [(Self, &'static str, f64); 6] = [
+    const ALL: [(Self, &'static str, f64); 8] = [
         (Self::Plain, "one image", 0.9),
         (Self::Seams, "material seams", 0.85),
         (Self::Mirrored, "mirrored texture coordinates", 0.85),
         (Self::Missing, "missing texture coordinates", 0.85),
         (Self::NoImage, "missing image", 0.0),
         (Self::Colours, "colours of faces by materials", 0.85),
+        (Self::InPly, "colours of faces in PLY", 0.85),
+        (Self::InOff, "colours of faces in OFF", 0.85),
     ];
+
+    /// Whether blocks have colours and there is no image.
+    fn is_plain(self) -> bool {
+        matches!(self, Self::Colours | Self::InPly | Self::InOff)
+    }
 }
 
 pub(super) fn cases() -> Vec<Case> {
     let mut cases = Vec::new();
     for (dress, name, least) in Dress::ALL {
         for (way, suffix) in BOTH_WAYS.into_iter().zip(["", ", charts"]) {
-            let is_quick = matches!(dress, Dress::Seams);
-            let case = Case {
+            let is_quick = dress.is_plain() || matches!(dress, Dress::Seams | Dress::Missing);
+            cases.push(Case {
                 part: Part::Attributes,
                 set: is_quick.then_some("attributes"),
                 name: format!("{name}{suffix}"),
@@ -65,11 +70,6 @@ pub(super) fn cases() -> Vec<Case> {
                     "converts, with a warning".to_owned()
                 },
                 run: Box::new(move |_| dressed(dress, least, way).map(Outcome::Met)),
-            };
-            cases.push(match dress {
-                Dress::Colours => case.known(COARSE_COLOURS),
-                Dress::Missing => case.known(BARE_FACES),
-                _ => case,
             });
         }
     }
@@ -95,7 +95,7 @@ fn dressed(dress: Dress, least: f64, way: &[&str]) -> Result<Found> {
     let warns = matches!(dress, Dress::Missing | Dress::NoImage);
     ensure!((warnings > 0) == warns, "{}", report["textures"]);
     let images = number(&report, "/textures/clusters")? + number(&report, "/textures/tiles")?;
-    let has_images = !matches!(dress, Dress::NoImage | Dress::Colours);
+    let has_images = !matches!(dress, Dress::NoImage);
     ensure!((images > 0.0) == has_images, "{}", report["textures"]);
     let mut words = format!(
         "{} charts, {} clusters",
@@ -118,12 +118,82 @@ fn dressed(dress: Dress, least: f64, way: &[&str]) -> Result<Found> {
 
 /// Writes the sheet, its materials and its images. Returns the sheet.
 fn write(folder: &Path, dress: Dress) -> Result<PathBuf> {
+    let (name, text) = match dress {
+        Dress::InPly => ("sheet.ply", ply()?),
+        Dress::InOff => ("sheet.off", off()?),
+        _ => ("sheet.obj", obj(folder, dress)?),
+    };
+    let path = folder.join(name);
+    std::fs::write(&path, text)?;
+    Ok(path)
+}
+
+/// Positions, a line each.
+fn vertices(keyword: &str) -> Result<String> {
+    let mut text = String::new();
+    for k in 0..SIDE * SIDE {
+        let [x, y] = [k % SIDE, k / SIDE].map(|c| f64::from(c) / f64::from(CELLS));
+        let z = 0.05 * (7.0 * x).sin() * (5.0 * y).cos();
+        writeln!(text, "{keyword}{x} {y} {z}")?;
+    }
+    Ok(text)
+}
+
+fn cells() -> impl Iterator<Item = [u32; 2]> {
+    (0..CELLS).flat_map(|j| (0..CELLS).map(move |i| [i, j]))
+}
+
+/// Vertices of a cell, counted from 0.
+fn corners([i, j]: [u32; 2]) -> [u32; 4] {
+    let a = j * SIDE + i;
+    [a, a + 1, a + SIDE + 1, a + SIDE]
+}
+
+/// The material of a cell whose block has its own.
+fn material([i, j]: [u32; 2]) -> u32 {
+    (i / BLOCK + 2 * (j / BLOCK)) % 4
+}
+
+/// Colour of all of a material.
+fn plain(material: u32) -> [u8; 3] {
+    colour(material, 40, 200)
+}
+
+fn ply() -> Result<String> {
+    let mut text = format!(
+        "ply\nformat ascii 1.0\nelement vertex {}\nproperty double x\nproperty double y\nproperty double z\nelement face {}\n\
+         property list uchar int vertex_indices\nproperty uchar red\nproperty uchar green\nproperty uchar blue\nend_header\n",
+        SIDE * SIDE,
+        2 * CELLS * CELLS
+    );
+    text += &vertices("")?;
+    for cell in cells() {
+        let ([a, b, c, d], [r, g, blue]) = (corners(cell), plain(material(cell)));
+        writeln!(
+            text,
+            "3 {a} {b} {c} {r} {g} {blue}\n3 {a} {c} {d} {r} {g} {blue}"
+        )?;
+    }
+    Ok(text)
+}
+
+fn off() -> Result<String> {
+    let mut text = format!("OFF\n{} {} 0\n", SIDE * SIDE, CELLS * CELLS);
+    text += &vertices("")?;
+    for cell in cells() {
+        let ([a, b, c, d], [red, green, blue]) = (corners(cell), plain(material(cell)));
+        writeln!(text, "4 {a} {b} {c} {d} {red} {green} {blue}")?;
+    }
+    Ok(text)
+}
+
+fn obj(folder: &Path, dress: Dress) -> Result<String> {
     let mut library = String::new();
     for material in 0..4 {
         let name = format!("image{material}.png");
         writeln!(library, "newmtl m{material}")?;
         if matches!(dress, Dress::Colours) {
-            let [r, g, b] = colour(material, 40, 200);
+            let [r, g, b] = plain(material);
             writeln!(library, "Kd {} {} {}", part(r), part(g), part(b))?;
             continue;
         }
@@ -136,26 +206,19 @@ fn write(folder: &Path, dress: Dress) -> Result<PathBuf> {
     }
     std::fs::write(folder.join("sheet.mtl"), library)?;
     let mut text = "mtllib sheet.mtl\n".to_owned();
-    let side = CELLS + 1;
-    for k in 0..side * side {
-        let [x, y] = [k % side, k / side].map(|c| f64::from(c) / f64::from(CELLS));
-        let z = 0.05 * (7.0 * x).sin() * (5.0 * y).cos();
-        writeln!(text, "v {x} {y} {z}")?;
-    }
+    text += &vertices("v ")?;
     let mut coordinates = 0;
-    let mut material = None;
-    for (i, j) in (0..CELLS).flat_map(|j| (0..CELLS).map(move |i| (i, j))) {
-        let (block_i, block_j) = (i / BLOCK, j / BLOCK);
+    let mut used = None;
+    for [i, j] in cells() {
         let wanted = match dress {
-            Dress::Seams | Dress::Colours => (block_i + 2 * block_j) % 4,
+            Dress::Seams | Dress::Colours => material([i, j]),
             _ => 0,
         };
-        if material.replace(wanted) != Some(wanted) {
+        if used.replace(wanted) != Some(wanted) {
             writeln!(text, "usemtl m{wanted}")?;
         }
-        let a = j * side + i + 1;
-        let corners = [a, a + 1, a + side + 1, a + side];
-        let is_bare = matches!(dress, Dress::Missing) && (block_i + block_j) % 2 == 1;
+        let corners = corners([i, j]).map(|v| v + 1);
+        let is_bare = matches!(dress, Dress::Missing) && (i / BLOCK + j / BLOCK) % 2 == 1;
         if is_bare || matches!(dress, Dress::Colours) {
             writeln!(
                 text,
@@ -175,9 +238,7 @@ fn write(folder: &Path, dress: Dress) -> Result<PathBuf> {
         text += "\n";
         coordinates += 4;
     }
-    let path = folder.join("sheet.obj");
-    std::fs::write(&path, text)?;
-    Ok(path)
+    Ok(text)
 }
 
 /// Where on the image the corner `at` of a cell is.

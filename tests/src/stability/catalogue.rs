@@ -193,11 +193,6 @@ fn not_built() -> Vec<Case> {
         (Part::Terrain, "voids", terrain),
         (Part::Terrain, "edge pages", terrain),
         (Part::Terrain, "a flat sea", terrain),
-        (
-            Part::Attributes,
-            "colours of faces in PLY and OFF",
-            "read over: the mesh converts without them",
-        ),
     ]
     .map(|(part, name, why)| Case::open(part, name, why))
     .into()

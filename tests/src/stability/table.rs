@@ -27,7 +27,7 @@ pub struct Tally {
     pub met: usize,
     /// Otherwise.
     pub missed: usize,
-    /// Not built, or known to be wrong.
+    /// Not built.
     pub open: usize,
     /// Not run for lack of something.
     pub ignored: usize,

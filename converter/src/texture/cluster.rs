@@ -35,6 +35,9 @@ const FULL: f64 = 0.7;
 /// Groups that are painted at a time: enough for all threads, few enough for their images to take little memory.
 const GROUPS: usize = 32;
 
+/// Samples of a texel along each side where plain colours may meet in it.
+const BORDER_SAMPLES: u32 = 2;
+
 /// Texels along a length of a node for each of the finest of its children, at most: a node has about the area of four.
 const COARSER: f64 = 0.5;
 
@@ -278,9 +281,11 @@ impl Brush<'_> {
         }
         let scale = (texels / area).sqrt();
         if let Some(mesh) = unwrap(&painted.positions, &painted.triangles, scale) {
+            let is_plain = paints.iter().any(Paint::is_plain);
             let image = bake(
                 &mesh,
                 self.light,
+                if is_plain { BORDER_SAMPLES } else { 1 },
                 |Spot { triangle, weights }: Spot, [step_i, step_j]: Steps| {
                     paints[triangle as usize].mean(weights, step_i, step_j, self.light)
                 },
@@ -313,6 +318,7 @@ impl Brush<'_> {
             let image = bake(
                 &mesh,
                 self.light,
+                1,
                 |Spot { triangle, weights }: Spot, _: Steps| {
                     let [a, b, c] =
                         painted.triangles[triangle as usize].map(|v| painted.positions[v as usize]);

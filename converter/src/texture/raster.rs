@@ -187,6 +187,12 @@ impl<'a> Paint<'a> {
         Some(0.5 * (*q - *p).perp_dot(*r - *p).abs())
     }
 
+    /// Whether the image is a single texel: a colour of its own, that ends where the triangle does.
+    pub(super) fn is_plain(&self) -> bool {
+        self.textured
+            .is_some_and(|(_, texels, _)| texels.rgb.len() == 1)
+    }
+
     /// The mean over a texel that moves the weights by `step_i` and `step_j`.
     pub(super) fn mean(&self, weights: Vec2, step_i: Vec2, step_j: Vec2, light: &Light) -> Vec3 {
         let samples = self.samples(step_i, step_j);

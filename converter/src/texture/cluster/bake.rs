@@ -70,8 +70,14 @@ impl Flat {
     }
 }
 
-/// Asks for the colour, linear light, of every texel that belongs to a triangle.
-pub fn bake(mesh: &Unwrapped, light: &Light, colour: impl Fn(Spot, Steps) -> Vec3) -> Texels {
+/// Asks for the colour, linear light, of every texel that belongs to a triangle. With more than one of `samples` a side a texel is the mean of
+/// that many squared: it shows what part of it belongs to which.
+pub fn bake(
+    mesh: &Unwrapped,
+    light: &Light,
+    samples: u32,
+    colour: impl Fn(Spot, Steps) -> Vec3,
+) -> Texels {
     let [width, height] = mesh.size;
     let flats: Vec<Flat> = mesh
         .triangles
@@ -86,8 +92,41 @@ pub fn bake(mesh: &Unwrapped, light: &Light, colour: impl Fn(Spot, Steps) -> Vec
             Flat { corners, area }
         })
         .collect();
+    let steps: Vec<Steps> = flats
+        .iter()
+        .map(|flat| flat.steps().map(|step| step / samples as f32))
+        .collect();
+    let count = width as usize * height as usize;
+    let mut texels: Vec<Option<(Vec3, f32)>> = vec![None; count];
+    for k in 0..samples * samples {
+        let part = Vec2::new((k % samples) as f32, (k / samples) as f32);
+        let offset = (part + 0.5) / samples as f32 - 0.5;
+        for (texel, owner) in texels
+            .iter_mut()
+            .zip(owners([width, height], &flats, offset))
+        {
+            if let Some(spot) = owner {
+                let (sum, count) = texel.get_or_insert_default();
+                *sum += colour(spot, steps[spot.triangle as usize]);
+                *count += 1.0;
+            }
+        }
+    }
+    let texels = texels
+        .into_iter()
+        .map(|texel| texel.map(|(sum, count)| sum / count));
+    let filled = filled([width, height], texels.collect());
+    Texels {
+        width,
+        height,
+        rgb: filled.into_iter().map(|texel| light.srgb(texel)).collect(),
+    }
+}
+
+/// The place nearest to the point of every texel that is so far from its centre.
+fn owners([width, height]: [u32; 2], flats: &[Flat], offset: Vec2) -> Vec<Option<Spot>> {
     let mut owners: Vec<Option<(f32, Spot)>> = vec![None; width as usize * height as usize];
-    for (triangle, flat) in (0u32..).zip(&flats) {
+    for (triangle, flat) in (0u32..).zip(flats) {
         let [a, b, c] = flat.corners;
         let low = (a.min(b).min(c) - REACH).ceil().max(Vec2::ZERO).as_uvec2();
         let high = (a.max(b).max(c) + REACH).as_uvec2();
@@ -98,23 +137,15 @@ pub fn bake(mesh: &Unwrapped, light: &Light, colour: impl Fn(Spot, Steps) -> Vec
                 if before == 0.0 {
                     continue;
                 }
-                let (distance2, weights) = flat.nearest(Vec2::new(i as f32, j as f32));
+                let (distance2, weights) = flat.nearest(Vec2::new(i as f32, j as f32) + offset);
                 if distance2 < before {
                     *owner = Some((distance2, Spot { triangle, weights }));
                 }
             }
         }
     }
-    let steps: Vec<Steps> = flats.iter().map(Flat::steps).collect();
-    let texels = owners
-        .iter()
-        .map(|owner| owner.map(|(_, spot)| colour(spot, steps[spot.triangle as usize])));
-    let filled = filled([width, height], texels.collect());
-    Texels {
-        width,
-        height,
-        rgb: filled.into_iter().map(|texel| light.srgb(texel)).collect(),
-    }
+    let owners = owners.into_iter();
+    owners.map(|owner| Some(owner?.1)).collect()
 }
 
 /// Fills gaps with the mean of what is there, from coarse to fine.
@@ -170,7 +201,7 @@ mod tests {
     #[test]
     fn texels_are_asked_for_where_they_lie() {
         let light = Light::new();
-        let image = bake(&triangle(), &light, |spot, [step_i, step_j]| {
+        let image = bake(&triangle(), &light, 1, |spot, [step_i, step_j]| {
             assert!(step_i.distance(Vec2::new(0.1, 0.0)) < 1e-6);
             assert!(step_j.distance(Vec2::new(0.0, 0.1)) < 1e-6);
             Vec3::new(spot.weights.x, spot.weights.y, 0.0)
@@ -189,11 +220,34 @@ mod tests {
     }
 
     #[test]
+    fn texels_across_a_border_show_both_sides() {
+        let mut mesh = triangle();
+        mesh.vertices.push((3, [14, 14]));
+        mesh.triangles.push([1, 3, 2]);
+        let light = Light::new();
+        for (samples, expected) in [(1, Vec3::X), (2, Vec3::new(0.75, 0.25, 0.0))] {
+            let image = bake(&mesh, &light, samples, |spot, [step_i, _]| {
+                if spot.triangle == 0 {
+                    assert!((step_i.x * samples as f32 - 0.1).abs() < 1e-6);
+                    Vec3::X
+                } else {
+                    Vec3::Y
+                }
+            });
+            let at = |i: usize, j: usize| light.linear(image.rgb[24 * j + i]);
+            // What lies on the border itself is the first one's.
+            assert!(at(9, 9).distance(expected) < 0.01, "{}", at(9, 9));
+            assert!(at(8, 8).distance(Vec3::X) < 0.01);
+            assert!(at(10, 10).distance(Vec3::Y) < 0.01);
+        }
+    }
+
+    #[test]
     fn triangles_without_extent_on_the_image_do_no_harm() {
         let mut mesh = triangle();
         mesh.vertices.push((3, [9, 9]));
         mesh.triangles.insert(0, [1, 3, 2]);
-        let image = bake(&mesh, &Light::new(), |spot, _| {
+        let image = bake(&mesh, &Light::new(), 1, |spot, _| {
             if spot.triangle == 1 { Vec3::X } else { Vec3::Y }
         });
         assert_eq!(image.rgb[24 * 6 + 6], [255, 0, 0]);

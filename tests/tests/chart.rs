@@ -295,3 +295,60 @@ fn few_samples_and_few_views_are_said() {
     let html = std::fs::read_to_string(output.join("chart.html")).unwrap();
     assert!(html.contains("50 samples are few"));
 }
+
+#[test]
+fn geomorph_pops_less_than_changes_at_once_and_rows_cost_what_their_models_do() {
+    let folder = TempDir::new().unwrap();
+    let (input, file) = torus(folder.path(), &[]);
+    let output = folder.path().join("chart");
+    let more = [
+        "--transitions",
+        "--views",
+        "1",
+        "--distances",
+        "8",
+        "--error-px",
+        "4",
+        "--size",
+        "240x180",
+        "--levels",
+        "1",
+        "--no-convert",
+        "--json",
+        "-",
+    ];
+    let report = chart(&file.path, &input, &output, &more).json().unwrap();
+    let popping = |transition: &str, view: usize| {
+        let points = report["transitions"].as_array().unwrap();
+        let mut own = points.iter().filter(|p| p["transition"] == transition);
+        let point = own.nth(view).unwrap();
+        assert!(point["changes"].as_u64().unwrap() >= 2, "{point}");
+        number(&point["temporal"]["p99"])
+    };
+    for view in 0..2 {
+        let [none, geomorph] = ["none", "geomorph"].map(|name| popping(name, view));
+        println!("view {view}: {none:.4} at once, {geomorph:.4} by geomorph");
+        assert!(geomorph < 0.5 * none, "{geomorph} {none}");
+    }
+    let rows = report["rows"].as_array().unwrap();
+    assert_eq!(rows.len(), 4 * 6);
+    for pair in rows
+        .windows(2)
+        .filter(|p| p[0]["transition"] == p[1]["transition"])
+    {
+        let [few, many] = [&pair[0], &pair[1]];
+        let models = number(&many["instances"]) - number(&few["instances"]);
+        let drawn = number(&many["triangles"]) - number(&few["triangles"]);
+        // Those farthest away are at their coarsest, which is one node of at most 256 triangles.
+        assert!(
+            models > 0.0 && drawn > 0.0 && drawn <= 256.0 * models,
+            "{few} {many}"
+        );
+    }
+    assert_eq!(report["recommendations"].as_array().unwrap().len(), 6);
+    let csv = std::fs::read_to_string(output.join("chart.csv")).unwrap();
+    let of = |kind: &str| csv.lines().filter(|line| line.starts_with(kind)).count();
+    assert_eq!((of("row,"), of("transition,")), (24, 8));
+    let html = std::fs::read_to_string(output.join("chart.html")).unwrap();
+    assert!(html.contains("many models in a row") && !html.contains("NaN"));
+}

@@ -231,10 +231,7 @@ mod tests {
         child.positions[3] = [10, 900, 40];
         child.normals[3] = octahedral::encode(aside);
         // The fourth is told nothing that there is.
-        for (ranks, last) in [
-            ([0, 1, 0, 9], [10, 900, 50]),
-            ([0, 1, 0, 1], [0, 0, 50]),
-        ] {
+        for (ranks, last) in [([0, 1, 0, 9], [10, 900, 50]), ([0, 1, 0, 1], [0, 0, 50])] {
             child.ranks = ranks.to_vec();
             let targets = GroupSurface::new(members.to_vec()).targets(&child);
             assert_eq!(

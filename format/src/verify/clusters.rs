@@ -4,7 +4,7 @@
 
 use super::{Report, in_words};
 use crate::cluster::morph::{Places, UNRANKED};
-use crate::cluster::{ClusterId, ClusterMesh, ClusterNode, Clusters};
+use crate::cluster::{ClusterGroupId, ClusterId, ClusterMesh, ClusterNode, Clusters};
 use crate::rules::Tally;
 use crate::{Bounds, ByteSource, Document, Error, LatticePoint};
 use std::collections::BTreeMap;
@@ -16,6 +16,7 @@ pub(super) fn check(document: &Document, source: &dyn ByteSource, report: &mut R
     };
     let mut meshes = Tally::default();
     let mut textures = Tally::default();
+    let mut ranks = Ranks::default();
     for (id, node) in (0u32..).map(ClusterId).zip(&clusters.nodes) {
         let decoded = source
             .read(node.range.clone())
@@ -27,45 +28,65 @@ pub(super) fn check(document: &Document, source: &dyn ByteSource, report: &mut R
                 format!("cluster {}: {}", id.0, in_words(texels))
             });
         }
-        meshes.check(decoded.is_ok(), || {
-            format!("cluster {}: {}", id.0, in_words(decoded))
-        });
+        match decoded {
+            Ok(mesh) => {
+                meshes.check(true, String::new);
+                ranks.add(clusters, id, mesh);
+            }
+            Err(_) => meshes.check(false, || format!("cluster {}: {}", id.0, in_words(decoded))),
+        }
     }
     report.add("cluster checksums, decoding and bounds", meshes);
     if textures.count > 0 {
         report.add("cluster textures decode", textures);
     }
-    let became = became(document, clusters, source);
-    if became.count > 0 {
-        report.add("cluster vertices become vertices of their parents", became);
+    if ranks.tally.count > 0 {
+        report.add(
+            "cluster vertices become vertices of their parents",
+            ranks.tally,
+        );
     }
     let [errors, bounds] = between_levels(clusters);
     report.add("cluster errors monotone up the levels", errors);
     report.add("cluster bounds within their parents'", bounds);
 }
 
-/// Ranks of children: within the places of all members, and the same at the same place.
-fn became(document: &Document, clusters: &Clusters, source: &dyn ByteSource) -> Tally {
-    let mut became = Tally::default();
-    let mesh = |id: ClusterId| {
-        let bytes = source.read(clusters.node(id)?.range.clone()).ok()?;
-        document.decode_cluster(id, &bytes).ok()
-    };
-    for group in &clusters.groups {
-        // What does not decode has been told.
-        let members: Vec<ClusterMesh> = group.members.iter().filter_map(|&id| mesh(id)).collect();
-        let places = Places::of(&members).len();
-        let mut known: BTreeMap<LatticePoint, u8> = BTreeMap::new();
-        for id in group.children.clone().map(ClusterId) {
-            let Some(child) = mesh(id).filter(|child| !child.ranks.is_empty()) else {
-                continue;
-            };
-            let mut vertices = child.positions.iter().zip(&child.ranks);
+/// Ranks of children: within the places of all members, and the same at the same place. Nodes come in order, so that members are before
+/// their group's children, which are side by side.
+#[derive(Default)]
+struct Ranks {
+    /// Positions of members whose group's children are still to come.
+    members: BTreeMap<ClusterId, ClusterMesh>,
+    /// The group whose children come, how many places its members have, and ranks by place.
+    group: Option<ClusterGroupId>,
+    places: usize,
+    known: BTreeMap<LatticePoint, u8>,
+    tally: Tally,
+}
+
+impl Ranks {
+    fn add(&mut self, clusters: &Clusters, id: ClusterId, mesh: ClusterMesh) {
+        let Some(node) = clusters.node(id) else {
+            return;
+        };
+        let above = node.parent.and_then(|parent| clusters.node(parent)?.group);
+        if above != self.group {
+            self.group = above;
+            self.known.clear();
+            let group = above.and_then(|above| clusters.group(above));
+            let members = group.map_or(&[][..], |group| &group.members);
+            // What does not decode has been told.
+            let members = members.iter().filter_map(|id| self.members.remove(id));
+            self.places = Places::of(&members.collect::<Vec<_>>()).len();
+        }
+        if !mesh.ranks.is_empty() {
+            let mut vertices = mesh.positions.iter().zip(&mesh.ranks);
             let wrong = vertices.find(|&(place, &rank)| {
-                let is_there = rank == UNRANKED || usize::from(rank) < places;
-                !is_there || *known.entry(*place).or_insert(rank) != rank
+                let is_there = rank == UNRANKED || usize::from(rank) < self.places;
+                !is_there || *self.known.entry(*place).or_insert(rank) != rank
             });
-            became.check(wrong.is_none(), || {
+            let places = self.places;
+            self.tally.check(wrong.is_none(), || {
                 let (place, rank) = wrong.map_or_else(Default::default, |(p, r)| (*p, *r));
                 format!(
                     "cluster {}: the vertex at {place:?} has rank {rank} of {places} places, or another in a cluster beside",
@@ -73,8 +94,14 @@ fn became(document: &Document, clusters: &Clusters, source: &dyn ByteSource) -> 
                 )
             });
         }
+        if node.group.is_some() {
+            let positions = ClusterMesh {
+                positions: mesh.positions,
+                ..ClusterMesh::default()
+            };
+            self.members.insert(id, positions);
+        }
     }
-    became
 }
 
 /// Errors and bounds of children against those of all members of the group above.

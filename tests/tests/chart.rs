@@ -310,7 +310,7 @@ fn geomorph_pops_less_than_changes_at_once_and_rows_cost_what_their_models_do() 
         "--error-px",
         "4",
         "--size",
-        "240x180",
+        "320x240",
         "--levels",
         "1",
         "--no-convert",

@@ -17,6 +17,7 @@ use crate::colour::stream::TileStream;
 use crate::controls::{Action, Controls};
 use crate::gpu_types::{ClusterList, DrawList, DrawnCluster, Frame, Instance};
 use crate::lod::animate::Drawn;
+use crate::lod::cluster::morph;
 use crate::lod::cut::{Cut, Leaf};
 use crate::lod::desire::{Forest, Wanted};
 use crate::lod::edge_morph::{morph_of, side_modes};
@@ -683,10 +684,17 @@ impl Viewer {
         let clusters = self.document.clusters.as_ref()?;
         let node = clusters.node(id)?;
         let slot = self.table.cluster_slot(self.document.page_of_cluster(id))?;
-        view.sees(&node.bounds).then(|| DrawnCluster {
+        let morph = drawn.cluster_morph(clusters, id);
+        // What moves is partly where the members are, beyond its own bounds.
+        let is_seen = if morph > 0.0 {
+            morph::bounds(clusters, id).is_some_and(|bounds| view.sees(&bounds))
+        } else {
+            view.sees(&node.bounds)
+        };
+        is_seen.then_some(DrawnCluster {
             slot,
             triangles: node.triangles,
-            morph: drawn.cluster_morph(clusters, id),
+            morph,
         })
     }
 }

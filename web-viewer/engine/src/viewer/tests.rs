@@ -134,7 +134,12 @@ pub(super) fn check(viewer: &Viewer) {
     }
     for id in cluster::drawn(&viewer.document, &drawn.cut) {
         let tree = viewer.document.clusters.as_ref().unwrap();
-        seen += u64::from(view.sees(&tree.node(id).unwrap().bounds));
+        let bounds = if drawn.cluster_morph(tree, id) > 0.0 {
+            cluster::morph::bounds(tree, id).unwrap()
+        } else {
+            tree.node(id).unwrap().bounds
+        };
+        seen += u64::from(view.sees(&bounds));
     }
     // What moves is drawn itself, and not in part by what is finer.
     for id in drawn.group_morphs.keys() {

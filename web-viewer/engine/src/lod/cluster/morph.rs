@@ -12,7 +12,7 @@
 
 use super::descend;
 use crate::lod::cut::Cut;
-use marquetry_format::{ClusterGroup, ClusterGroupId, ClusterId, Clusters, Document};
+use marquetry_format::{Bounds, ClusterGroup, ClusterGroupId, ClusterId, Clusters, Document};
 use std::collections::{BTreeMap, BTreeSet};
 
 /// Many levels at once do not take as many times as long.
@@ -27,6 +27,19 @@ pub fn morph_of(clusters: &Clusters, morphs: &GroupMorphs, id: ClusterId) -> f32
         .and_then(|group| morphs.get(&group))
         .copied()
         .unwrap_or(0.0)
+}
+
+/// Holds a cluster wherever it is on its way: the bounds of all members of the group that it is a child of, each of which holds the
+/// children. `None` for the root.
+pub fn bounds(clusters: &Clusters, id: ClusterId) -> Option<Bounds> {
+    let members = &clusters.group(above(clusters, id)?)?.members;
+    let bounds = members
+        .iter()
+        .map(|&id| clusters.node(id).map(|node| node.bounds));
+    bounds.flatten().reduce(|a, b| Bounds {
+        min: [0, 1, 2].map(|axis: usize| a.min[axis].min(b.min[axis])),
+        max: [0, 1, 2].map(|axis: usize| a.max[axis].max(b.max[axis])),
+    })
 }
 
 /// The group that a cluster is a child of; `None` for the root.

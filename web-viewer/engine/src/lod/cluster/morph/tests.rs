@@ -204,3 +204,29 @@ fn children_appear_on_the_surface_of_their_group() {
     assert!(state.is_at_rest(&target));
     assert!(triangles(document, &state.cut) > 0);
 }
+
+#[test]
+fn what_moves_stays_within_the_bounds_that_it_is_culled_by() {
+    let wall = Wall::new(60, None).unwrap();
+    let document = &wall.document;
+    let clusters = document.clusters.as_ref().unwrap();
+    let meshes = Meshes::new(document, &wall.file);
+    assert_eq!(bounds(clusters, ClusterId(0)), None);
+    let is_in = |bounds: &Bounds, place: &[u32; 3]| {
+        (0..3).all(|k| bounds.min[k] <= place[k] && place[k] <= bounds.max[k])
+    };
+    let mut beyond = 0;
+    for id in (1..clusters.count()).map(ClusterId) {
+        let (mesh, targets) = (
+            &meshes.meshes[id.0 as usize],
+            &meshes.targets[id.0 as usize],
+        );
+        let of_group = bounds(clusters, id).unwrap();
+        let own = clusters.node(id).unwrap().bounds;
+        for place in mesh.positions.iter().chain(&targets.positions) {
+            assert!(is_in(&of_group, place));
+        }
+        beyond += usize::from(!targets.positions.iter().all(|place| is_in(&own, place)));
+    }
+    println!("{beyond} clusters leave their own bounds");
+}

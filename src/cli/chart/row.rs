@@ -8,9 +8,9 @@
 use super::data::{Adapter, Recommendation, RowPoint, TransitionPoint};
 use super::pictures::Studio;
 use super::transitions::{self, FRAME_SECONDS, NEAREST, TRANSITIONS};
+use super::words::{ALIKE, by_transition};
 use marquetry_engine::{Camera, Transition};
 use marquetry_native::Session;
-use std::collections::BTreeMap;
 use std::time::{Duration, Instant};
 
 /// Models in a row.
@@ -21,8 +21,6 @@ const APART: f64 = 2.5;
 const FRAMES_APART: usize = 24;
 /// A frame may cost so many times the cheapest for less popping.
 const DEARER: f64 = 1.25;
-/// Transitions that pop by less than this times the least are alike.
-const ALIKE: f64 = 1.02;
 
 /// What a frame takes.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -169,11 +167,7 @@ pub(super) fn recommend(
     flown: &[TransitionPoint],
     adapter: &Adapter,
 ) -> Vec<Recommendation> {
-    let mut popping: BTreeMap<&str, Vec<f64>> = BTreeMap::new();
-    for point in flown {
-        let of = popping.entry(&point.transition).or_default();
-        of.push(point.temporal.p99);
-    }
+    let flown = by_transition(flown);
     let cost = |row: &RowPoint| match row.gpu_ms {
         Some(gpu_ms) if !adapter.software => gpu_ms + row.cpu_ms,
         _ => row.triangles,
@@ -185,8 +179,8 @@ pub(super) fn recommend(
         let known = rows().filter(|row| cost(row) <= DEARER * cheapest);
         let known: Vec<(&RowPoint, f64)> = known
             .filter_map(|row| {
-                let all = popping.get(row.transition.as_str())?;
-                Some((row, all.iter().sum::<f64>() / all.len() as f64))
+                let popping = flown.iter().find(|of| of.0 == row.transition)?.1;
+                Some((row, popping))
             })
             .collect();
         let calmest = least(&mut known.iter().map(|known| known.1));

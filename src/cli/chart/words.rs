@@ -250,7 +250,7 @@ pub(super) fn frame_times(adapter: &Adapter) -> (String, &'static str) {
 }
 
 /// By transition, in the order of the points: the mean over paths of the 99th percentile of popping, and of triangles.
-fn by_transition(points: &[TransitionPoint]) -> Vec<(&str, f64, f64)> {
+pub(super) fn by_transition(points: &[TransitionPoint]) -> Vec<(&str, f64, f64)> {
     let mut sums: Vec<(&str, f64, f64, f64)> = Vec::new();
     for point in points {
         let known = sums.iter().position(|sum| sum.0 == point.transition);
@@ -268,7 +268,7 @@ fn by_transition(points: &[TransitionPoint]) -> Vec<(&str, f64, f64)> {
 }
 
 /// Transitions that pop by less than this times the least are alike.
-const ALIKE: f64 = 1.02;
+pub(super) const ALIKE: f64 = 1.02;
 
 /// Which transition to take, computed: of those that pop about as little as any, the one that draws least.
 pub(super) fn transitions(points: &[TransitionPoint]) -> String {

@@ -135,7 +135,7 @@ pub(super) fn check(viewer: &Viewer) {
     for id in cluster::drawn(&viewer.document, &drawn.cut) {
         let tree = viewer.document.clusters.as_ref().unwrap();
         let bounds = if drawn.cluster_morph(tree, id) > 0.0 {
-            cluster::morph::bounds(tree, id).unwrap()
+            morph::bounds(tree, id).unwrap()
         } else {
             tree.node(id).unwrap().bounds
         };

@@ -2,10 +2,11 @@
 
 use super::Room;
 use super::leaf::divide;
+use crate::mesh::adjacency::id;
 use crate::texture::cluster::unwrap::is_unwrappable;
 use glam::DVec3;
 use marquetry_format::cluster::{MAX_CLUSTER_TRIANGLES, MAX_CLUSTER_VERTICES};
-use marquetry_format::{ClusterMesh, octahedral};
+use marquetry_format::{ClusterMesh, LatticePoint, octahedral};
 use std::collections::HashMap;
 
 /// A vertex: position, octahedral normal, colour (zeros where there are none).
@@ -135,6 +136,21 @@ impl Shape {
             triangles: self.triangles.iter().map(|t| t.map(index)).collect(),
             ranks: Vec::new(),
         }
+    }
+
+    /// Places of vertices, each once, in the order in which they come; and by vertex the number of its place.
+    pub fn places(&self) -> (Vec<LatticePoint>, Vec<u32>) {
+        let mut numbers: HashMap<LatticePoint, u32> = HashMap::new();
+        let mut places = Vec::new();
+        let number_of = (self.vertices.iter())
+            .map(|vertex| {
+                *numbers.entry(vertex.0).or_insert_with(|| {
+                    places.push(vertex.0);
+                    id(places.len() - 1)
+                })
+            })
+            .collect();
+        (places, number_of)
     }
 
     /// Positions as numbers, lattice units.

@@ -13,7 +13,6 @@ use super::bound::{self, hausdorff};
 use super::graph::Distance;
 use super::shape::{Shape, point};
 use super::trace::{Became, traced};
-use crate::mesh::adjacency::id;
 use crate::mesh::refit::{Cloud, Refit, refit};
 use crate::mesh::{WeldedMesh, bounds};
 use glam::DVec3;
@@ -94,16 +93,7 @@ fn fitted(
     is_held: impl Fn(&LatticePoint) -> bool,
     unit: u32,
 ) -> (Shape, HashMap<LatticePoint, LatticePoint>) {
-    let mut numbers: HashMap<LatticePoint, u32> = HashMap::new();
-    let mut places: Vec<LatticePoint> = Vec::new();
-    let number_of: Vec<u32> = (coarser.vertices.iter())
-        .map(|vertex| {
-            *numbers.entry(vertex.0).or_insert_with(|| {
-                places.push(vertex.0);
-                id(places.len() - 1)
-            })
-        })
-        .collect();
+    let (places, number_of) = coarser.places();
     let corners = |t: &[u32; 3]| t.map(|v| number_of[v as usize]);
     let mut mesh = WeldedMesh {
         positions: places.iter().map(|&place| point(place)).collect(),

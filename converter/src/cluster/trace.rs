@@ -84,16 +84,8 @@ struct Trace {
 
 impl Trace {
     fn new(fine: &Shape, coarse: &Shape) -> Self {
-        let mut numbers: HashMap<LatticePoint, u32> = HashMap::new();
-        let mut places = Vec::new();
-        let number_of: Vec<u32> = (fine.vertices.iter())
-            .map(|vertex| {
-                *numbers.entry(vertex.0).or_insert_with(|| {
-                    places.push(vertex.0);
-                    id(places.len() - 1)
-                })
-            })
-            .collect();
+        let (places, number_of) = fine.places();
+        let numbers: HashMap<LatticePoint, u32> = places.iter().copied().zip(0..).collect();
         let triangles: Vec<[u32; 3]> = (fine.triangles.iter())
             .map(|t| t.map(|v| number_of[v as usize]))
             .collect();

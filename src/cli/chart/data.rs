@@ -251,6 +251,27 @@ pub(super) struct TransitionPoint {
     pub(super) triangles: f64,
 }
 
+#[cfg(test)]
+impl TransitionPoint {
+    /// Pops by `p99` in every frame, and draws so many triangles.
+    pub(super) fn bare(transition: &str, p99: f64, triangles: f64) -> Self {
+        let spread = |value| Spread {
+            mean: value,
+            p99: value,
+            max: value,
+        };
+        Self {
+            transition: transition.to_owned(),
+            view: 0,
+            changes: 1,
+            frames: 10,
+            temporal: spread(p99),
+            fidelity: spread(0.1),
+            triangles,
+        }
+    }
+}
+
 /// A frame of many models in a row along the view axis, mean over frames.
 #[derive(Debug, Clone, Serialize)]
 pub(super) struct RowPoint {

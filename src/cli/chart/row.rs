@@ -199,7 +199,6 @@ pub(super) fn recommend(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use marquetry_evaluation::popping::Spread;
 
     fn cost(triangles: f64, gpu_ms: Option<f64>) -> Cost {
         Cost {
@@ -225,22 +224,8 @@ mod tests {
 
     #[test]
     fn the_calmest_is_advised_while_it_is_not_much_dearer() {
-        let spread = |p99| Spread {
-            mean: p99,
-            p99,
-            max: p99,
-        };
-        let flown = [("none", 0.05), ("alpha", 0.01), ("geomorph", 0.0101)].map(|(name, p99)| {
-            TransitionPoint {
-                transition: name.to_owned(),
-                view: 0,
-                changes: 1,
-                frames: 10,
-                temporal: spread(p99),
-                fidelity: spread(0.1),
-                triangles: 1.0,
-            }
-        });
+        let flown = [("none", 0.05), ("alpha", 0.01), ("geomorph", 0.0101)]
+            .map(|(name, p99)| TransitionPoint::bare(name, p99, 1.0));
         let row = |name: &str, instances, triangles, gpu_ms| RowPoint {
             transition: name.to_owned(),
             instances,

@@ -361,24 +361,10 @@ pub(super) fn how_conversions(report: &Report) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use marquetry_evaluation::popping::Spread;
 
     #[test]
     fn the_transition_to_take_pops_little_and_draws_least() {
-        let spread = |p99| Spread {
-            mean: p99,
-            p99,
-            max: p99,
-        };
-        let point = |name: &str, p99, triangles| TransitionPoint {
-            transition: name.to_owned(),
-            view: 0,
-            changes: 1,
-            frames: 10,
-            temporal: spread(p99),
-            fidelity: spread(0.1),
-            triangles,
-        };
+        let point = TransitionPoint::bare;
         let points = [
             point("none", 0.05, 900.0),
             point("alpha", 0.0300, 1_500.0),

@@ -41,7 +41,9 @@ impl Places {
             return UNRANKED;
         }
         let key = key(from, to);
-        let before = self.0.iter().filter(|&&place| self::key(from, place) < key);
+        let before = (self.outward(from))
+            .take_while(|&place| along_x(from, place) <= key.0)
+            .filter(|&place| self::key(from, place) < key);
         u8::try_from(before.count()).unwrap_or(UNRANKED)
     }
 
@@ -50,13 +52,40 @@ impl Places {
         if rank == UNRANKED || usize::from(rank) >= self.0.len() {
             return None;
         }
-        let keys = self.0.iter().map(|&place| key(from, place));
-        if rank == 0 {
-            return keys.min().map(|(_, place)| place);
+        let wanted = usize::from(rank) + 1;
+        // The nearest so far, in order, no more than are wanted.
+        let mut nearest: Vec<(u64, LatticePoint)> = Vec::with_capacity(wanted + 1);
+        for place in self.outward(from) {
+            let last = nearest.get(wanted - 1).copied();
+            if last.is_some_and(|(distance, _)| along_x(from, place) > distance) {
+                break;
+            }
+            let key = key(from, place);
+            if last.is_none_or(|last| key < last) {
+                nearest.insert(nearest.partition_point(|&other| other < key), key);
+                nearest.truncate(wanted);
+            }
         }
-        let mut keys: Vec<_> = keys.collect();
-        Some(keys.select_nth_unstable(usize::from(rank)).1.1)
+        nearest.get(wanted - 1).map(|&(_, place)| place)
     }
+
+    /// All places, by their distance from `from` along the first axis.
+    fn outward(&self, from: LatticePoint) -> impl Iterator<Item = LatticePoint> {
+        let (below, above) = self.0.split_at(self.0.partition_point(|&p| p < from));
+        let (mut below, mut above) = (below.iter().rev().peekable(), above.iter().peekable());
+        std::iter::from_fn(move || {
+            let is_below = match (below.peek(), above.peek()) {
+                (Some(&&low), Some(&&high)) => along_x(from, low) < along_x(from, high),
+                (low, _) => low.is_some(),
+            };
+            if is_below { below.next() } else { above.next() }.copied()
+        })
+    }
+}
+
+/// Squared distance along the first axis.
+fn along_x([x, ..]: LatticePoint, [a, ..]: LatticePoint) -> u64 {
+    u64::from(x.abs_diff(a)).saturating_pow(2)
 }
 
 /// Squared distance, and the place.
@@ -98,6 +127,32 @@ mod tests {
         assert_eq!(places.at(from, 4), None);
         assert_eq!(places.at(from, UNRANKED), None);
         assert_eq!(Places::default().at(from, 0), None);
+    }
+
+    #[test]
+    fn ranks_are_those_of_all_places_sorted() {
+        // Of a small cube, so that many are equally near, and some from outside of it.
+        let mut seed = 1_u32;
+        let mut draw = |below: u32| {
+            seed = seed.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+            (seed >> 16) % below
+        };
+        for count in [1, 2, 7, 60, 200] {
+            let positions = (0..count).map(|_| [0; 3].map(|_| 4 + draw(8))).collect();
+            let places = Places::of(&[ClusterMesh {
+                positions,
+                ..ClusterMesh::default()
+            }]);
+            for _ in 0..50 {
+                let from = [0; 3].map(|_: u32| draw(16));
+                let mut sorted = places.0.clone();
+                sorted.sort_by_key(|&place| key(from, place));
+                for (rank, place) in (0..).zip(sorted) {
+                    assert_eq!(places.rank(from, place), rank, "{from:?} {place:?}");
+                    assert_eq!(places.at(from, rank), Some(place), "{from:?} {rank}");
+                }
+            }
+        }
     }
 
     #[test]

@@ -3,11 +3,11 @@
 //! What the groups themselves must keep (order, errors that do not grow, bounds within bounds) the reader has refused before.
 
 use super::{Report, in_words};
-use crate::cluster::morph::{Places, UNRANKED};
+use crate::cluster::morph::UNRANKED;
 use crate::cluster::{ClusterGroupId, ClusterId, ClusterMesh, ClusterNode, Clusters};
 use crate::rules::Tally;
 use crate::{Bounds, ByteSource, Document, Error, LatticePoint};
-use std::collections::BTreeMap;
+use std::collections::{HashMap, HashSet};
 
 /// Adds the checks of clusters to `report`, if the file has any.
 pub(super) fn check(document: &Document, source: &dyn ByteSource, report: &mut Report) {
@@ -56,11 +56,11 @@ pub(super) fn check(document: &Document, source: &dyn ByteSource, report: &mut R
 #[derive(Default)]
 struct Ranks {
     /// Positions of members whose group's children are still to come.
-    members: BTreeMap<ClusterId, ClusterMesh>,
+    members: HashMap<ClusterId, Vec<LatticePoint>>,
     /// The group whose children come, how many places its members have, and ranks by place.
     group: Option<ClusterGroupId>,
     places: usize,
-    known: BTreeMap<LatticePoint, u8>,
+    known: HashMap<LatticePoint, u8>,
     tally: Tally,
 }
 
@@ -77,7 +77,7 @@ impl Ranks {
             let members = group.map_or(&[][..], |group| &group.members);
             // What does not decode has been told.
             let members = members.iter().filter_map(|id| self.members.remove(id));
-            self.places = Places::of(&members.collect::<Vec<_>>()).len();
+            self.places = members.flatten().collect::<HashSet<_>>().len();
         }
         if !mesh.ranks.is_empty() {
             let mut vertices = mesh.positions.iter().zip(&mesh.ranks);
@@ -95,11 +95,7 @@ impl Ranks {
             });
         }
         if node.group.is_some() {
-            let positions = ClusterMesh {
-                positions: mesh.positions,
-                ..ClusterMesh::default()
-            };
-            self.members.insert(id, positions);
+            self.members.insert(id, mesh.positions);
         }
     }
 }

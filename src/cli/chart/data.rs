@@ -245,6 +245,9 @@ pub(super) struct TransitionPoint {
     pub(super) frames: usize,
     /// Change from frame to frame that the reference does not have.
     pub(super) temporal: Spread,
+    /// The same of frames that draw the levels of the frame before, where these change at once: what the camera's motion does by itself.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub(super) unchanged: Option<Spread>,
     /// Distance from the reference.
     pub(super) fidelity: Spread,
     /// Drawn, mean.
@@ -266,6 +269,7 @@ impl TransitionPoint {
             changes: 1,
             frames: 10,
             temporal: spread(p99),
+            unchanged: None,
             fidelity: spread(0.1),
             triangles,
         }

@@ -18,8 +18,8 @@ use std::time::Duration;
 
 /// Seconds between frames.
 pub(super) const FRAME_SECONDS: f64 = 1.0 / 60.0;
-/// Part of the distance that the camera moves in a frame: in pictures of 400 pixels their edges move by a tenth of one.
-const RATE: f64 = 5e-4;
+/// Part of the distance that the camera moves in a frame: in pictures of 400 pixels their edges move by a fiftieth of one.
+const RATE: f64 = 1e-4;
 /// Where the path begins, bounding-sphere radii.
 pub(super) const NEAREST: f64 = 1.5;
 /// Where it turns.
@@ -31,7 +31,7 @@ const CHANGES: usize = 6;
 /// Frames of a look: one before the change, and all that a transition of a quarter of a second takes.
 const LOOK: usize = 18;
 /// Frames of the path in one step on the way to the next change.
-const STRIDE: usize = 10;
+const STRIDE: usize = 50;
 /// Each load of pages before a flight is from so many times nearer than the one before.
 const NEARER: f64 = 1.5;
 /// Screen-space error, pixels: coarse enough for changes to be seen.
@@ -190,7 +190,7 @@ fn flown(
     references: &[Shot],
 ) -> anyhow::Result<TransitionPoint> {
     let mut session = loaded(studio, transition, view, FARTHEST)?;
-    let (mut temporal, mut fidelity) = (Vec::new(), Vec::new());
+    let (mut temporal, mut fidelity, mut unchanged) = (Vec::new(), Vec::new(), Vec::new());
     let mut triangles = 0.0;
     let mut references = references.iter();
     for look in looks {
@@ -202,6 +202,7 @@ fn flown(
             session.step(STRIDE as f64 * FRAME_SECONDS, studio.size, Duration::ZERO);
         }
         let mut popping = Popping::default();
+        let mut last = None;
         for (&camera, reference) in look.seen.iter().zip(&mut references) {
             session.viewer().set_camera(camera);
             session.step(FRAME_SECONDS, studio.size, Duration::ZERO);
@@ -210,6 +211,11 @@ fn flown(
             triangles += session.viewer().stats().triangles as f64;
             let mask = shot.mask.union(&reference.mask)?;
             popping.add(shot.image()?, reference.image()?, &mask)?;
+            let cut = &session.viewer().drawn().cut;
+            if last.as_ref() == Some(cut) {
+                unchanged.extend(popping.temporal().last());
+            }
+            last = Some(cut.clone());
         }
         temporal.extend_from_slice(popping.temporal());
         fidelity.extend_from_slice(popping.fidelity());
@@ -220,6 +226,7 @@ fn flown(
         changes: looks.len(),
         frames: fidelity.len(),
         temporal: Spread::of(&temporal),
+        unchanged: (transition == Transition::None).then(|| Spread::of(&unchanged)),
         fidelity: Spread::of(&fidelity),
         triangles: triangles / fidelity.len().max(1) as f64,
     })

@@ -287,9 +287,26 @@ pub(super) fn transitions(points: &[TransitionPoint]) -> String {
     });
     format!(
         "For this model, by itself: {}. Of those that pop within 2% as little as any it draws the fewest triangles. The 99th percentile of \
-         popping is {}.",
+         popping is {}.{}",
         best.0,
-        each.collect::<Vec<_>>().join(", ")
+        each.collect::<Vec<_>>().join(", "),
+        unchanged(points)
+    )
+}
+
+/// What is left where no level changes, in words; nothing where that is not known.
+fn unchanged(points: &[TransitionPoint]) -> String {
+    let known: Vec<f64> = points
+        .iter()
+        .filter_map(|point| Some(point.unchanged.as_ref()?.p99))
+        .collect();
+    if known.is_empty() {
+        return String::new();
+    }
+    let mean = known.iter().sum::<f64>() / known.len() as f64;
+    format!(
+        " It is {:.2}% where no level changes, from the camera's motion alone.",
+        100.0 * mean
     )
 }
 
@@ -376,6 +393,14 @@ mod tests {
             "{text}"
         );
         assert!(text.contains("alpha 3.00% at 1.5k triangles"), "{text}");
+        assert!(!text.contains("no level"), "{text}");
+        let mut still = point("none", 0.05, 900.0);
+        still.unchanged = Some(still.temporal);
+        let text = transitions(&[still]);
+        assert!(
+            text.ends_with("It is 5.00% where no level changes, from the camera's motion alone."),
+            "{text}"
+        );
         assert_eq!(transitions(&[]), "");
     }
 

@@ -11,8 +11,9 @@ pub use clusters::{clustered, clustered_with};
 pub use crown::Crown;
 pub use wall::Wall;
 
+use crate::lod::animate::Drawn;
 use crate::lod::balance;
-use crate::lod::cut::{Cut, Leaf, QUADRANTS};
+use crate::lod::cut::{Across, Cut, Leaf, QUADRANTS, SIDES};
 use glam::DVec3;
 use marquetry_format::quadtree::PAGE_RESOLUTION;
 use marquetry_format::writer::{
@@ -340,6 +341,20 @@ pub fn random_cut(random: &mut Random, charts: &[Chart], deepest: u8) -> Cut {
         }
     }
     cut
+}
+
+/// A balanced `cut` with half of the leaves on their way that may be.
+pub fn random_rest(random: &mut Random, charts: &[Chart], cut: Cut) -> Drawn {
+    let mut drawn = Drawn::of(cut);
+    for leaf in drawn.cut.leaves() {
+        let mut sides = SIDES.iter();
+        let is_still = sides.any(|&side| drawn.cut.across(charts, leaf, side) == Across::Finer);
+        if !is_still && random.below(2) == 0 {
+            let morph = (1.0 + random.unit() * 7.0) as f32 / 8.0;
+            drawn.morphs.insert(leaf.node, morph);
+        }
+    }
+    drawn
 }
 
 /// A balanced cut in which every leaf is at least `coarsest` and some are finer.

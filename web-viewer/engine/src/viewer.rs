@@ -21,8 +21,7 @@ use crate::lod::cluster::morph;
 use crate::lod::cut::{Cut, Leaf};
 use crate::lod::desire::{Forest, Wanted};
 use crate::lod::edge_morph::{morph_of, side_modes};
-use crate::lod::residency::restrict;
-use crate::options::{Shade, Transition};
+use crate::options::Shade;
 use crate::residency::fetch::{Delivery, Fetcher, Item};
 use crate::residency::ids::{IdMap, IdSet};
 use crate::residency::page_table::PageTable;
@@ -69,7 +68,8 @@ pub struct Viewer {
     needed: Vec<Needed>,
     needed_index: IdMap<PageId, usize>,
     pinned: IdSet<PageId>,
-    target: Cut,
+    /// What is drawn towards: what is there of what is wanted.
+    target: Drawn,
     drawn: Drawn,
     draw_list: DrawList,
     cluster_list: ClusterList,
@@ -180,8 +180,8 @@ impl Viewer {
             needed: Vec::new(),
             needed_index: IdMap::default(),
             pinned: IdSet::default(),
-            target: coarsest.clone(),
-            drawn: Drawn::at_rest(coarsest),
+            target: Drawn::of(coarsest.clone()),
+            drawn: Drawn::of(coarsest),
             draw_list: DrawList::default(),
             cluster_list: ClusterList::default(),
             fade: None,
@@ -320,9 +320,7 @@ impl Viewer {
         }
         if !self.options.freeze && self.stale.target {
             self.stale.target = false;
-            self.target = restrict(&self.wanted.cut, &self.document, |page| {
-                self.table.contains(page)
-            });
+            self.target = self.aim(&view);
         }
         self.animate(seconds);
         self.fade_colour();
@@ -401,7 +399,7 @@ impl Viewer {
         self.fade.is_some()
             || self.glide.is_some()
             || self.controls.is_moving()
-            || !self.drawn.is_at_rest(&self.target)
+            || self.drawn != self.target
     }
 
     /// Whether calling [`Viewer::update`] again has a point before input or a delivery comes (morphs, retries, decodes).
@@ -606,16 +604,15 @@ impl Viewer {
     }
 
     fn animate(&mut self, seconds: f64) {
-        if self.fade.is_none() && self.drawn.is_at_rest(&self.target) {
+        if self.fade.is_none() && self.drawn == self.target {
             return;
         }
-        let at_once =
-            self.options.transition == Transition::None || self.options.morph_seconds == 0.0;
+        let at_once = self.changes_at_once();
         let mut changes = true;
         // Nothing has been shown yet, or nothing is to be seen of the change.
         if at_once || self.draws_nothing() {
             self.fade = None;
-            self.drawn = Drawn::at_rest(self.target.clone());
+            self.drawn = self.target.clone();
         } else {
             #[expect(clippy::cast_possible_truncation, reason = "between 0 and 1")]
             let step = (seconds.min(LONGEST_STEP) / self.options.morph_seconds).min(1.0) as f32;

@@ -12,7 +12,7 @@ use marquetry_engine::lod::{Cut, balance};
 use marquetry_engine::passes::atlas::AtlasTextures;
 use marquetry_engine::passes::grid::SHADER;
 use marquetry_engine::residency::upload::{Slot, SlotAllocator, Upload};
-use marquetry_engine::testing::{Random, Shape, random_cut, random_finest};
+use marquetry_engine::testing::{Random, Shape, random_cut, random_finest, random_rest};
 use marquetry_engine::{Camera, Shade, Viewport, wgpu};
 use marquetry_format::{ByteSource, Document, PageId, PageSamples};
 use marquetry_native::Headless;
@@ -190,11 +190,12 @@ fn shader_agrees_with_the_reference_and_closes_every_border() {
         let (document, source) = shape
             .open(&random_finest(&mut random, &charts, 2, 4))
             .unwrap();
-        let mut drawn = Drawn::at_rest(Cut::coarsest(charts.len()));
+        let mut drawn = Drawn::of(Cut::coarsest(charts.len()));
         for round in 0..6 {
             let mut wanted = random_cut(&mut random, &charts, 2);
             balance::coarsen(&mut wanted, &charts);
             let target = restrict(&wanted, &document, |_| true);
+            let target = random_rest(&mut random, &charts, target);
             for _ in 0..5 {
                 drawn.advance(&target, &charts, 0.37);
             }

@@ -1,7 +1,7 @@
 //! Rule R6: what is drawn moves towards the target cut in steps that do not pop.
 //!
-//! A finer surface appears with morph 1, which is exactly the coarser one, and moves to 0; a coarser one replaces a finer
-//! when that is at 1. Two conditions keep both sides of every border in step: a leaf gets finer only while it and its
+//! A finer surface appears with morph 1, which is exactly the coarser one, and moves towards 0, as far as the view wants
+//! ([`rest`](super::rest)); a coarser one replaces a finer when that is at 1. Two conditions keep both sides of every border in step: a leaf gets finer only while it and its
 //! neighbours of the same resolution are at 0, and starts towards coarser only while no neighbour is finer. Together with
 //! a balanced target every step that is needed becomes possible: the coarsest leaf that must be refined and the finest that
 //! must be merged are never blocked for longer than one morph.
@@ -9,7 +9,7 @@
 //! Limit: beside a coarser neighbour odd border samples sit on even ones, so when that neighbour is refined the row of
 //! cells along the border changes shape at once, by less than the parent's error.
 
-use super::cluster::morph::{self, GroupMorphs};
+use super::cluster::morph::{self, GroupMorphs, towards};
 use super::cut::{Across, Cut, Leaf, QUADRANTS, SIDES};
 use super::edge_morph::{Morphs, morph_of};
 use marquetry_format::quadtree::PAGE_RESOLUTION;
@@ -27,8 +27,8 @@ pub struct Drawn {
 }
 
 impl Drawn {
-    /// Draws `cut` at rest.
-    pub fn at_rest(cut: Cut) -> Self {
+    /// Draws `cut`, all of it at its own place.
+    pub fn of(cut: Cut) -> Self {
         Self {
             cut,
             morphs: Morphs::new(),
@@ -41,26 +41,23 @@ impl Drawn {
         morph::morph_of(clusters, &self.group_morphs, id)
     }
 
-    /// Whether exactly `target` is drawn and nothing moves.
-    pub fn is_at_rest(&self, target: &Cut) -> bool {
-        self.morphs.is_empty() && self.group_morphs.is_empty() && self.cut == *target
-    }
-
-    /// Moves the charts towards `target`, which is balanced, by at most `step` in every morph (0 < `step`; 1 is the whole way). Whether
-    /// another cut is drawn than before.
-    pub fn advance(&mut self, target: &Cut, charts: &[Chart], step: f32) -> bool {
+    /// Moves the charts towards `target`, which is balanced and moves nothing beside what is finer, by at most `step` in every morph
+    /// (0 < `step`; 1 is the whole way). Whether another cut is drawn than before.
+    pub fn advance(&mut self, target: &Self, charts: &[Chart], step: f32) -> bool {
+        let (target, at_rest) = (&target.cut, &target.morphs);
         let mut changes = false;
         let leaves = self.cut.leaves();
         let mut merging = Vec::new();
         for leaf in &leaves {
             let merges = self.may_merge(target, charts, *leaf);
-            let goal = if merges { 1.0 } else { 0.0 };
-            let morph = morph_of(&self.morphs, *leaf);
-            let morph = if morph < goal {
-                (morph + step).min(goal)
+            let goal = if merges {
+                1.0
+            } else if target.contains(*leaf) && !self.is_beside_finer(charts, *leaf) {
+                morph_of(at_rest, *leaf)
             } else {
-                (morph - step).max(goal)
+                0.0
             };
+            let morph = towards(morph_of(&self.morphs, *leaf), goal, step);
             if morph > 0.0 {
                 self.morphs.insert(leaf.node, morph);
             } else {
@@ -89,17 +86,16 @@ impl Drawn {
     /// Moves the clusters towards `target`, every group by its `step`; see [`morph::advance`]. Whether other ones are drawn than before.
     pub fn advance_clusters(
         &mut self,
-        target: &Cut,
+        target: &Self,
         document: &Document,
         step: impl Fn(&ClusterGroup) -> f32,
     ) -> bool {
-        morph::advance(
-            document,
-            &mut self.cut,
-            &mut self.group_morphs,
-            target,
-            step,
-        )
+        morph::advance(document, self, target, step)
+    }
+
+    fn is_beside_finer(&self, charts: &[Chart], leaf: Leaf) -> bool {
+        let mut sides = SIDES.iter();
+        sides.any(|&side| self.cut.across(charts, leaf, side) == Across::Finer)
     }
 
     /// Whether `leaf` and those that merge with it want to, and no finer neighbour is in the way.
@@ -107,12 +103,10 @@ impl Drawn {
         if !wants_coarser(target, leaf) {
             return false;
         }
-        merge_group(leaf).iter().flatten().all(|sibling| {
-            self.cut.contains(*sibling)
-                && SIDES
-                    .iter()
-                    .all(|side| self.cut.across(charts, *sibling, *side) != Across::Finer)
-        })
+        merge_group(leaf)
+            .iter()
+            .flatten()
+            .all(|sibling| self.cut.contains(*sibling) && !self.is_beside_finer(charts, *sibling))
     }
 
     /// Replaces `leaf` and its siblings by the coarser surface that they all show; not while one is still on its way. Whether it did.
@@ -121,9 +115,7 @@ impl Drawn {
         let ready = group.iter().flatten().all(|sibling| {
             self.cut.contains(*sibling)
                 && morph_of(&self.morphs, *sibling) >= 1.0
-                && SIDES
-                    .iter()
-                    .all(|side| self.cut.across(charts, *sibling, *side) != Across::Finer)
+                && !self.is_beside_finer(charts, *sibling)
         });
         if !ready {
             return false;
@@ -204,12 +196,12 @@ fn stray(drawn: &Drawn) -> Vec<marquetry_format::NodeId> {
 mod tests {
     use super::*;
     use crate::lod::balance;
-    use crate::testing::{Random, cube_charts, random_cut, self_glued_charts};
+    use crate::testing::{Random, cube_charts, random_cut, random_rest, self_glued_charts};
 
-    fn balanced(random: &mut Random, charts: &[Chart]) -> Cut {
+    fn balanced(random: &mut Random, charts: &[Chart]) -> Drawn {
         let mut cut = random_cut(random, charts, 3);
         balance::coarsen(&mut cut, charts);
-        cut
+        random_rest(random, charts, cut)
     }
 
     fn check(drawn: &Drawn, charts: &[Chart]) {
@@ -230,11 +222,11 @@ mod tests {
     fn drawn_cut_reaches_its_target_through_balanced_steps() {
         let mut random = Random::new(11);
         for charts in [cube_charts(5), self_glued_charts(5)] {
-            let mut drawn = Drawn::at_rest(Cut::coarsest(charts.len()));
+            let mut drawn = Drawn::of(Cut::coarsest(charts.len()));
             for _ in 0..40 {
                 let target = balanced(&mut random, &charts);
                 let mut steps = 0;
-                while !drawn.is_at_rest(&target) {
+                while drawn != target {
                     drawn.advance(&target, &charts, 0.3);
                     check(&drawn, &charts);
                     steps += 1;
@@ -248,7 +240,7 @@ mod tests {
     fn targets_that_change_on_the_way_do_no_harm() {
         let mut random = Random::new(12);
         let charts = cube_charts(5);
-        let mut drawn = Drawn::at_rest(Cut::coarsest(charts.len()));
+        let mut drawn = Drawn::of(Cut::coarsest(charts.len()));
         for _ in 0..300 {
             let target = balanced(&mut random, &charts);
             for _ in 0..random.below(6) {
@@ -262,17 +254,18 @@ mod tests {
     #[expect(clippy::float_cmp, reason = "exact by construction")]
     fn refinement_appears_at_morph_one_and_ends_at_zero() {
         let charts = cube_charts(5);
-        let mut drawn = Drawn::at_rest(Cut::coarsest(6));
+        let mut drawn = Drawn::of(Cut::coarsest(6));
         let mut target = Cut::coarsest(6);
         for chart in 0..6 {
             target.set_root(marquetry_format::ChartId(chart), 1);
         }
+        let target = Drawn::of(target);
         drawn.advance(&target, &charts, 0.25);
         // Each chart was refined once its neighbours were: those still at 0 cells beside a moving one need not wait.
         assert!(drawn.morphs.values().all(|morph| *morph == 1.0) && !drawn.morphs.is_empty());
         for _ in 0..20 {
             drawn.advance(&target, &charts, 0.25);
         }
-        assert!(drawn.is_at_rest(&target));
+        assert_eq!(drawn, target);
     }
 }

@@ -42,7 +42,7 @@ pub struct NeededCluster {
 
 /// Goes down from the root. `splits` is asked of every group all of whose members are reached, in an order in which these come
 /// before their children; `visit` gets every node that is reached, and whether its group is split.
-fn descend(
+pub(super) fn descend(
     document: &Document,
     mut splits: impl FnMut(&ClusterGroup) -> bool,
     mut visit: impl FnMut(ClusterId, &ClusterNode, bool),

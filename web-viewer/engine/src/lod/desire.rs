@@ -13,8 +13,9 @@ use marquetry_format::quadtree::PAGE_RESOLUTION;
 use marquetry_format::{Bounds, ChartId, ClusterNode, Document, NodeId, PageId};
 use std::collections::BTreeSet;
 
-/// A leaf that was wanted is given up when a coarser one's error falls below this part of the target.
-pub const HYSTERESIS: f64 = 0.7;
+/// A leaf that was wanted is given up when a coarser one's error falls below this part of the target: until then it shows the coarser one
+/// anyway ([`rest`](super::rest)), and what is above that soon begins to move, which it cannot while the leaf is there.
+pub const HYSTERESIS: f64 = 0.85;
 
 /// Outside the picture errors count for less: a turn of the head finds something there, but the memory serves what is seen.
 const OUT_OF_SIGHT: f64 = 0.25;
@@ -240,7 +241,7 @@ pub fn importance_px(view: &View, error: f32, bounds: &Bounds) -> f64 {
 }
 
 /// Length of a texel of a cluster's texture, pixels, less where it cannot be seen; 0 without a texture.
-fn texel_px(view: &View, node: &ClusterNode) -> f64 {
+pub(super) fn texel_px(view: &View, node: &ClusterNode) -> f64 {
     node.texel
         .map_or(0.0, |texel| importance_px(view, texel, &node.bounds))
 }

@@ -42,16 +42,17 @@ mod tests {
     use crate::lod::animate::Drawn;
     use crate::lod::balance;
     use crate::lod::cut::neighbour;
-    use crate::testing::{Random, cube_charts, random_cut, self_glued_charts};
+    use crate::testing::{Random, cube_charts, random_cut, random_rest, self_glued_charts};
 
     #[test]
     fn both_leaves_at_a_border_agree() {
         let mut random = Random::new(13);
         for charts in [cube_charts(5), self_glued_charts(5)] {
-            let mut drawn = Drawn::at_rest(Cut::coarsest(charts.len()));
+            let mut drawn = Drawn::of(Cut::coarsest(charts.len()));
             for _ in 0..40 {
                 let mut target = random_cut(&mut random, &charts, 2);
                 balance::coarsen(&mut target, &charts);
+                let target = random_rest(&mut random, &charts, target);
                 for _ in 0..3 {
                     drawn.advance(&target, &charts, 0.3);
                 }

@@ -270,7 +270,7 @@ pub fn extract_mesh(
     source: &dyn ByteSource,
     cut: &Cut,
 ) -> Result<Mesh, EngineError> {
-    extract_mesh_in_motion(document, source, &Drawn::at_rest(cut.clone()))
+    extract_mesh_in_motion(document, source, &Drawn::of(cut.clone()))
 }
 
 /// The mesh of what is drawn, with leaves and clusters on their way to what they come from.
@@ -362,7 +362,7 @@ mod tests {
     use crate::lod::balance;
     use crate::lod::residency::restrict;
     use crate::lod::uniform::{Fineness, uniform_cut};
-    use crate::testing::{Random, Shape, random_cut, random_finest};
+    use crate::testing::{Random, Shape, random_cut, random_finest, random_rest};
     use std::collections::BTreeMap;
 
     /// Directed edges without their opposite.
@@ -420,11 +420,12 @@ mod tests {
             let (document, source) = shape
                 .open(&random_finest(&mut random, &charts, 2, 3))
                 .unwrap();
-            let mut drawn = Drawn::at_rest(Cut::coarsest(charts.len()));
+            let mut drawn = Drawn::of(Cut::coarsest(charts.len()));
             for _ in 0..8 {
                 let mut wanted = random_cut(&mut random, &charts, 2);
                 balance::coarsen(&mut wanted, &charts);
                 let target = restrict(&wanted, &document, |_| true);
+                let target = random_rest(&mut random, &charts, target);
                 for _ in 0..5 {
                     drawn.advance(&target, &charts, 0.37);
                     let mesh = extract_mesh_in_motion(&document, &source, &drawn).unwrap();
@@ -449,7 +450,7 @@ mod tests {
                 .map(|leaf| (leaf.node, 1.0))
                 .collect(),
             cut: finest,
-            group_morphs: Drawn::at_rest(Cut::coarsest(0)).group_morphs,
+            group_morphs: Drawn::of(Cut::coarsest(0)).group_morphs,
         };
         let fine = extract_mesh_in_motion(&document, &source, &drawn).unwrap();
         let mut coarse = Cut::coarsest(2);

@@ -97,7 +97,7 @@ mod tests {
     use crate::lod::cut::Cut;
     use crate::lod::mesh::{Mesh, extract_mesh, extract_mesh_in_motion};
     use crate::lod::residency::restrict;
-    use crate::testing::{Shape, random_cut, random_finest};
+    use crate::testing::{Shape, random_cut, random_finest, random_rest};
     use std::collections::{BTreeMap, BTreeSet};
 
     fn crowns() -> impl Iterator<Item = Crown> {
@@ -150,7 +150,7 @@ mod tests {
             let charts = shape.charts(5);
             let finest = random_finest(&mut random, &charts, 2, 3);
             let (document, source) = shape.open(&finest).unwrap();
-            let mut drawn = Drawn::at_rest(Cut::coarsest(charts.len()));
+            let mut drawn = Drawn::of(Cut::coarsest(charts.len()));
             for _ in 0..6 {
                 let mut wanted = random_cut(&mut random, &charts, 2);
                 balance::coarsen(&mut wanted, &charts);
@@ -165,8 +165,9 @@ mod tests {
                 mixed += usize::from(resolutions.len() > 1);
                 let mesh = extract_mesh(&document, &source, &cut).unwrap();
                 assert_eq!(odd_edges(&mesh), 0, "{crown:?}");
+                let target = random_rest(&mut random, &charts, cut);
                 for _ in 0..3 {
-                    drawn.advance(&cut, &charts, 0.37);
+                    drawn.advance(&target, &charts, 0.37);
                     let mesh = extract_mesh_in_motion(&document, &source, &drawn).unwrap();
                     assert_eq!(odd_edges(&mesh), 0, "{crown:?}, in motion");
                 }

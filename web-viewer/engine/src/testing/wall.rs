@@ -106,7 +106,7 @@ impl Wall {
     /// Where this is not so.
     pub fn assert_whole(&self, cut: &Cut) {
         let mut builder = MeshBuilder::new(false);
-        let drawn = Drawn::at_rest(cut.clone());
+        let drawn = Drawn::of(cut.clone());
         let appended = cluster::append(&self.document, &self.file, &drawn, &mut builder);
         assert!(appended.is_ok(), "{appended:?}");
         let mesh = builder.finish();

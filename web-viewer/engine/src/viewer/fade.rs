@@ -54,7 +54,7 @@ impl Viewer {
                 self.fade = None;
             }
         } else {
-            let arriving = Drawn::at_rest(self.target.clone());
+            let arriving = self.target.clone();
             self.fade = Some(Fade {
                 leaving: std::mem::replace(&mut self.drawn, arriving),
                 part: 0.0,

@@ -6,10 +6,13 @@
 
 use super::{Needed, Viewer};
 use crate::camera::View;
+use crate::lod::animate::Drawn;
 use crate::lod::cluster::{self, NeededCluster};
 use crate::lod::cut::Cut;
 use crate::lod::desire::{Target, cluster_importance_px, importance_px};
-use crate::lod::residency::{NeededPage, needed_pages};
+use crate::lod::residency::{NeededPage, needed_pages, restrict};
+use crate::lod::rest::at_rest;
+use crate::options::Transition;
 use crate::residency::page_table::{bytes_of, bytes_of_cluster};
 use marquetry_format::{ClusterGroupId, PageId};
 
@@ -66,6 +69,28 @@ impl Viewer {
         self.wanted = wanted;
         self.need(view, &needed.0, &needed.1);
         self.pin();
+    }
+
+    /// Whether a change is shown in one frame.
+    pub(super) fn changes_at_once(&self) -> bool {
+        self.options.transition == Transition::None || self.options.morph_seconds == 0.0
+    }
+
+    /// What is there of the plan, and how far on its way the view shows it at rest.
+    pub(super) fn aim(&self, view: &View) -> Drawn {
+        let cut = restrict(&self.wanted.cut, &self.document, |page| {
+            self.table.contains(page)
+        });
+        if self.changes_at_once() || self.fades() {
+            return Drawn::of(cut);
+        }
+        let target = Target {
+            view,
+            error_px: self.options.error_px,
+            paged_error_px: self.paged_error_px(self.budget_step),
+            previous: None,
+        };
+        at_rest(&self.document, &self.forest, &target, cut)
     }
 
     fn cache_bytes(&self, needed: &[NeededPage], clusters: &[NeededCluster]) -> u64 {

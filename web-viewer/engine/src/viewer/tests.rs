@@ -3,6 +3,7 @@
 mod groups;
 
 use super::*;
+use crate::Transition;
 use crate::colour::map::NO_TILES;
 use crate::lod::balance;
 use crate::lod::cluster;
@@ -444,7 +445,7 @@ fn no_transition_changes_at_once() {
     });
     for _ in 0..200 {
         network.frame(&mut viewer, 0.016);
-        assert!(viewer.drawn().morphs.is_empty() && viewer.drawn().cut == viewer.target);
+        assert!(viewer.drawn().morphs.is_empty() && *viewer.drawn() == viewer.target);
     }
 }
 

@@ -1,7 +1,7 @@
 //! Rule R6 for clusters: groups that are split and groups that are not take each other's place without a jump.
 //!
-//! The children of a group appear where its members show their vertices (morph 1, [`target`](super::target)) and move to their own
-//! places (0); they give way once they are back. All children of a group move alike, and its outer border does not move. So two conditions
+//! The children of a group appear where its members show their vertices (morph 1, [`target`](super::target)) and move towards their own
+//! places (0), as far as the view wants ([`rest`](crate::lod::rest)); they give way once they are back. All children of a group move alike, and its outer border does not move. So two conditions
 //! keep everything whole: children move only while none of their own groups is split, since the border between such a group
 //! and other children lies within the surface that moves; and a group is split only while none of its members moves.
 //!
@@ -11,6 +11,7 @@
 //! are to be split the highest have members that are wanted, whose morphs end at 0.
 
 use super::descend;
+use crate::lod::animate::Drawn;
 use crate::lod::cut::Cut;
 use marquetry_format::{Bounds, ClusterGroup, ClusterGroupId, ClusterId, Clusters, Document};
 use std::collections::{BTreeMap, BTreeSet};
@@ -47,34 +48,40 @@ pub(super) fn above(clusters: &Clusters, id: ClusterId) -> Option<ClusterGroupId
     clusters.node(clusters.node(id)?.parent?)?.group
 }
 
-/// Moves what `cut` draws of the clusters towards what `target` draws, every morph by at most `step` of its group (above 0; 1 is the
-/// whole way). Whether another cut is drawn than before.
+/// Moves the clusters of `drawn` towards those of `target`, every morph by at most `step` of its group (above 0; 1 is the whole way).
+/// Whether others are drawn than before.
 pub fn advance(
     document: &Document,
-    cut: &mut Cut,
-    morphs: &mut GroupMorphs,
-    target: &Cut,
+    drawn: &mut Drawn,
+    target: &Drawn,
     step: impl Fn(&ClusterGroup) -> f32,
 ) -> bool {
     let Some(clusters) = &document.clusters else {
         return false;
     };
+    let (cut, morphs) = (&mut drawn.cut, &mut drawn.group_morphs);
+    let at_rest = |id| target.group_morphs.get(&id).copied().unwrap_or(0.0);
+    let target = &target.cut;
     let mut changes = false;
     for id in split_groups(clusters, cut) {
         let Some(group) = clusters.group(id) else {
             continue;
         };
         let children = || group.children.clone().map(ClusterId);
-        let merges =
-            !target.is_group_split(group) && !children().any(|child| cut.is_cluster_split(child));
+        let is_kept = target.is_group_split(group);
+        let is_fixed = children().any(|child| cut.is_cluster_split(child));
+        let goal = match (is_fixed, is_kept) {
+            (true, _) => 0.0,
+            (false, true) => at_rest(id),
+            (false, false) => 1.0,
+        };
         let step = step(group) * haste(clusters, group, target);
-        let morph = morphs.get(&id).copied().unwrap_or(0.0);
-        let morph = if merges { morph + step } else { morph - step };
-        if morph >= 1.0 {
+        let morph = towards(morphs.get(&id).copied().unwrap_or(0.0), goal, step);
+        if morph >= 1.0 && !is_kept {
             cut.merge_group(group);
             changes = true;
-        }
-        if morph > 0.0 && morph < 1.0 {
+            morphs.remove(&id);
+        } else if morph > 0.0 {
             morphs.insert(id, morph);
         } else {
             morphs.remove(&id);
@@ -96,12 +103,22 @@ pub fn advance(
             cut.split_group(&group);
             changes = true;
             // Where all of the way is one step there is nothing to show of it.
-            if step(&group) < 1.0 {
-                morphs.insert(id, 1.0);
+            let morph = towards(1.0, at_rest(id), if step(&group) < 1.0 { 0.0 } else { 1.0 });
+            if morph > 0.0 {
+                morphs.insert(id, morph);
             }
         }
     }
     changes
+}
+
+/// From `morph` to `goal`, by at most `step`.
+pub(in crate::lod) fn towards(morph: f32, goal: f32, step: f32) -> f32 {
+    if morph < goal {
+        (morph + step).min(goal)
+    } else {
+        (morph - step).max(goal)
+    }
 }
 
 /// How much faster a group moves that is only passed by on the way to `target`.

@@ -63,7 +63,7 @@ fn finest_mesh_holds_the_triangles_of_all_leaves() {
     let mut cut = Cut::coarsest(document.charts.len());
     refine(&document, &mut cut, |_, _| true);
     let mut builder = MeshBuilder::new(false);
-    append(&document, &source, &Drawn::at_rest(cut), &mut builder).unwrap();
+    append(&document, &source, &Drawn::of(cut), &mut builder).unwrap();
     let leaves = document.clusters.as_ref().unwrap().leaf_triangles();
     assert_eq!(builder.finish().triangles.len() as u64, leaves);
     assert_eq!(leaves, 4 * 70);

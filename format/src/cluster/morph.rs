@@ -52,21 +52,21 @@ impl Places {
         if rank == UNRANKED || usize::from(rank) >= self.0.len() {
             return None;
         }
-        let wanted = usize::from(rank) + 1;
-        // The nearest so far, in order, no more than are wanted.
-        let mut nearest: Vec<(u64, LatticePoint)> = Vec::with_capacity(wanted + 1);
+        let wanted = usize::from(rank);
+        // The nearest so far, in order, up to the one that is wanted.
+        let mut nearest: Vec<(u64, LatticePoint)> = Vec::new();
         for place in self.outward(from) {
-            let last = nearest.get(wanted - 1).copied();
+            let last = nearest.get(wanted).copied();
             if last.is_some_and(|(distance, _)| along_x(from, place) > distance) {
                 break;
             }
             let key = key(from, place);
             if last.is_none_or(|last| key < last) {
                 nearest.insert(nearest.partition_point(|&other| other < key), key);
-                nearest.truncate(wanted);
+                nearest.truncate(wanted.saturating_add(1));
             }
         }
-        nearest.get(wanted - 1).map(|&(_, place)| place)
+        nearest.get(wanted).map(|&(_, place)| place)
     }
 
     /// All places, by their distance from `from` along the first axis.

@@ -350,7 +350,7 @@ pub fn random_rest(random: &mut Random, charts: &[Chart], cut: Cut) -> Drawn {
         let mut sides = SIDES.iter();
         let is_still = sides.any(|&side| drawn.cut.across(charts, leaf, side) == Across::Finer);
         if !is_still && random.below(2) == 0 {
-            let morph = (1.0 + random.unit() * 7.0) as f32 / 8.0;
+            let morph = [0.125, 0.375, 0.8, 1.0][random.below(4) as usize];
             drawn.morphs.insert(leaf.node, morph);
         }
     }

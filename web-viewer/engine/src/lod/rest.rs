@@ -19,8 +19,9 @@ use marquetry_format::{
     Bounds, ChartId, ClusterGroup, ClusterId, ClusterNode, Document, NodeId, PageId,
 };
 
-/// From how many times the target error on a surface is wholly its own.
-pub const RANGE: f64 = 1.25;
+/// From how many times the target error on a surface is wholly its own. At a hundredth of the distance a frame that is about as long as
+/// changes that are limited in time take; more costs detail where nothing moves.
+pub const RANGE: f64 = 1.15;
 
 /// How far to the coarser surface, 0..=1, where that one's error and the surface's own would show these parts of the target error.
 fn morph(coarser: f64, own: f64) -> f32 {
@@ -187,7 +188,7 @@ mod tests {
             [RANGE, 2.0, f64::INFINITY].map(|error| morph(error, 0.5)),
             [0.0; 3]
         );
-        assert_eq!(morph(1.125, 0.0), 0.5);
+        assert!((morph(0.5 * (1.0 + RANGE), 0.0) - 0.5).abs() < 1e-6);
         // The finer surface's own error is at the target where this one's is 1.1 times as much.
         assert!((morph(1.05, 1.05 / 1.1) - 0.5).abs() < 1e-6);
         assert_eq!(morph(1.11, 1.11 / 1.1), 0.0);
@@ -202,7 +203,7 @@ mod tests {
                     let scale = 0.9 + 0.001 * f64::from(k);
                     morph(scale, own * scale)
                 });
-                assert!((0.0..=0.005).contains(&(near - far)), "{own} {k}");
+                assert!((0.0..=0.008).contains(&(near - far)), "{own} {k}");
             }
         }
     }

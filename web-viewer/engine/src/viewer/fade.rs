@@ -215,7 +215,7 @@ mod tests {
             let (mut leaving, mut arriving, mut steady) = (0, 0, 0);
             for frame in 0..300u16 {
                 if frame % 60 == 0 {
-                    let away = 0.6 + 6.0 * f64::from(frame / 60 % 2);
+                    let away = 1.2 + 6.0 * f64::from(frame / 60 % 2);
                     viewer.set_camera(Camera::standard(&metadata, 0, away).unwrap());
                 }
                 network.frame(&mut viewer, 0.03);

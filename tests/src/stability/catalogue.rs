@@ -147,10 +147,10 @@ fn shape() -> Vec<Case> {
         of(far, "pole of valence 1 000", Clusters, || {
             m::sphere(1_000, 3)
         }),
-        of(None, "pole of valence 10 000", Charts, || {
+        of(None, "pole of valence 10 000", Clusters, || {
             m::sphere(10_000, 3)
         }),
-        of(None, "pole of valence 100 000", Charts, || {
+        of(None, "pole of valence 100 000", Clusters, || {
             m::sphere(100_000, 3)
         }),
         of(rough, "voxel stairs", Charts, || m::voxel_ball(12)),

@@ -3,10 +3,11 @@
 use super::exchange;
 use marquetry_server::Config;
 use std::io::{BufRead, BufReader, Read};
-use std::net::{SocketAddr, TcpListener};
+use std::net::SocketAddr;
 use std::path::PathBuf;
 use std::process::{Child, Command, Stdio};
-use std::time::{Duration, Instant};
+use std::sync::mpsc::channel;
+use std::time::Duration;
 
 /// A test cannot run here.
 #[derive(Debug)]
@@ -44,37 +45,31 @@ impl S3 {
                 program.display()
             )));
         }
-        let port = TcpListener::bind("127.0.0.1:0")
-            .unwrap()
-            .local_addr()
-            .unwrap()
-            .port();
+        // It says which port it was given; one that is free now may be another test's by then.
         let mut child = Command::new(program)
-            .args(["-H", "127.0.0.1", "-p", &port.to_string()])
+            .args(["-H", "127.0.0.1", "-p", "0"])
             .stdout(Stdio::null())
             .stderr(Stdio::piped())
             .spawn()
             .unwrap();
         let log = child.stderr.take().unwrap();
+        let (found, address) = channel();
         std::thread::spawn(move || {
             // Whoever does not read lets the server hang once the pipe is full.
             let mut lines = BufReader::new(log);
             let mut line = String::new();
             while lines.read_line(&mut line).is_ok_and(|read| read > 0) {
+                let said = line.split_once("Running on http://");
+                if let Some(address) = said.and_then(|(_, address)| address.trim().parse().ok()) {
+                    let _ = found.send(address);
+                }
                 line.clear();
             }
             let _ = lines.read(&mut []);
         });
-        let address = SocketAddr::from(([127, 0, 0, 1], port));
+        let address: SocketAddr = (address.recv_timeout(Duration::from_mins(1)))
+            .expect("moto_server says where it listens");
         let s3 = Self { address, child };
-        let start = Instant::now();
-        while std::net::TcpStream::connect(address).is_err() {
-            assert!(
-                start.elapsed() < Duration::from_mins(1),
-                "moto_server does not listen"
-            );
-            std::thread::sleep(Duration::from_millis(100));
-        }
         s3.send("PUT", "scans", &[]);
         Ok(s3)
     }

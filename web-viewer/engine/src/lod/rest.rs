@@ -15,9 +15,7 @@ use super::cut::{Across, Cut, Leaf, SIDES};
 use super::desire::{Forest, Target, texel_px};
 use super::edge_morph::Morphs;
 use marquetry_format::quadtree::PAGE_RESOLUTION;
-use marquetry_format::{
-    Bounds, ChartId, ClusterGroup, ClusterId, ClusterNode, Document, NodeId, PageId,
-};
+use marquetry_format::{ChartId, ClusterGroup, ClusterId, ClusterNode, Document, NodeId, PageId};
 
 /// From how many times the target error on a surface is wholly its own. At a hundredth of the distance a frame that is about as long as
 /// changes that are limited in time take; more costs detail where nothing moves.
@@ -98,13 +96,13 @@ fn part_of_cluster(target: &Target<'_>, node: &ClusterNode) -> f64 {
 fn leaf_morphs(document: &Document, forest: &Forest, target: &Target<'_>, cut: &Cut) -> Morphs {
     let charts = &document.charts;
     let is_finer = |leaf: Leaf, side| cut.across(charts, leaf, side) == Across::Finer;
+    let surfaces = Surfaces {
+        document,
+        forest,
+        target,
+    };
     let mut morphs = Morphs::new();
     for leaf in cut.leaves() {
-        let surfaces = Surfaces {
-            document,
-            forest,
-            target,
-        };
         let Some(coarser) = surfaces.coarser(leaf) else {
             continue;
         };
@@ -160,7 +158,7 @@ impl Surfaces<'_> {
     }
 
     fn part(&self, error: f32, node: NodeId, is_paged: bool) -> Option<f64> {
-        let bounds: Bounds = self.forest.bounds(self.document, node)?;
+        let bounds = self.forest.bounds(self.document, node)?;
         let target = self.target;
         let limit = if is_paged {
             target.paged_error_px

@@ -31,7 +31,7 @@ pub enum Transition {
     Alpha,
     /// One picture takes the other's place pixel by pixel.
     Dither,
-    /// Vertices travel between the two surfaces.
+    /// Vertices travel between the two surfaces, as far as the projected error asks for.
     #[default]
     Geomorph,
 }
@@ -152,7 +152,7 @@ pub struct ViewerOptions {
     pub upload_bytes_per_update: u64,
     /// Most requests under way at once; at least 1.
     pub requests_in_flight: usize,
-    /// Seconds a transition takes; 0 makes every change at once.
+    /// Seconds a transition takes ([`Transition::Geomorph`]: at least); 0 makes every change at once.
     pub morph_seconds: f64,
     /// Where the model is cut open.
     pub section: Option<Section>,

@@ -13,7 +13,7 @@ pub use wall::Wall;
 
 use crate::lod::animate::Drawn;
 use crate::lod::balance;
-use crate::lod::cut::{Across, Cut, Leaf, QUADRANTS, SIDES};
+use crate::lod::cut::{Cut, Leaf, QUADRANTS};
 use glam::DVec3;
 use marquetry_format::quadtree::PAGE_RESOLUTION;
 use marquetry_format::writer::{
@@ -347,9 +347,7 @@ pub fn random_cut(random: &mut Random, charts: &[Chart], deepest: u8) -> Cut {
 pub fn random_rest(random: &mut Random, charts: &[Chart], cut: Cut) -> Drawn {
     let mut drawn = Drawn::of(cut);
     for leaf in drawn.cut.leaves() {
-        let mut sides = SIDES.iter();
-        let is_still = sides.any(|&side| drawn.cut.across(charts, leaf, side) == Across::Finer);
-        if !is_still && random.below(2) == 0 {
+        if !drawn.cut.is_beside_finer(charts, leaf) && random.below(2) == 0 {
             let morph = [0.125, 0.375, 0.8, 1.0][random.below(4) as usize];
             drawn.morphs.insert(leaf.node, morph);
         }

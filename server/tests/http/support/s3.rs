@@ -67,8 +67,10 @@ impl S3 {
             }
             let _ = lines.read(&mut []);
         });
-        let address: SocketAddr = (address.recv_timeout(Duration::from_mins(1)))
-            .expect("moto_server says where it listens");
+        let Ok(address) = address.recv_timeout(Duration::from_mins(1)) else {
+            let _ = child.kill();
+            panic!("moto_server does not say where it listens");
+        };
         let s3 = Self { address, child };
         s3.send("PUT", "scans", &[]);
         Ok(s3)

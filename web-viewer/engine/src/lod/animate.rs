@@ -52,7 +52,7 @@ impl Drawn {
             let merges = self.may_merge(target, charts, *leaf);
             let goal = if merges {
                 1.0
-            } else if target.contains(*leaf) && !self.is_beside_finer(charts, *leaf) {
+            } else if target.contains(*leaf) && !self.cut.is_beside_finer(charts, *leaf) {
                 morph_of(at_rest, *leaf)
             } else {
                 0.0
@@ -93,20 +93,14 @@ impl Drawn {
         morph::advance(document, self, target, step)
     }
 
-    fn is_beside_finer(&self, charts: &[Chart], leaf: Leaf) -> bool {
-        let mut sides = SIDES.iter();
-        sides.any(|&side| self.cut.across(charts, leaf, side) == Across::Finer)
-    }
-
     /// Whether `leaf` and those that merge with it want to, and no finer neighbour is in the way.
     fn may_merge(&self, target: &Cut, charts: &[Chart], leaf: Leaf) -> bool {
         if !wants_coarser(target, leaf) {
             return false;
         }
-        merge_group(leaf)
-            .iter()
-            .flatten()
-            .all(|sibling| self.cut.contains(*sibling) && !self.is_beside_finer(charts, *sibling))
+        merge_group(leaf).iter().flatten().all(|sibling| {
+            self.cut.contains(*sibling) && !self.cut.is_beside_finer(charts, *sibling)
+        })
     }
 
     /// Replaces `leaf` and its siblings by the coarser surface that they all show; not while one is still on its way. Whether it did.
@@ -115,7 +109,7 @@ impl Drawn {
         let ready = group.iter().flatten().all(|sibling| {
             self.cut.contains(*sibling)
                 && morph_of(&self.morphs, *sibling) >= 1.0
-                && !self.is_beside_finer(charts, *sibling)
+                && !self.cut.is_beside_finer(charts, *sibling)
         });
         if !ready {
             return false;
@@ -208,9 +202,7 @@ mod tests {
         assert!(balance::is_balanced(&drawn.cut, charts));
         assert!(stray(drawn).is_empty());
         for leaf in drawn.cut.leaves() {
-            let finer = SIDES
-                .iter()
-                .any(|side| drawn.cut.across(charts, leaf, *side) == Across::Finer);
+            let finer = drawn.cut.is_beside_finer(charts, leaf);
             assert!(
                 !finer || morph_of(&drawn.morphs, leaf) == 0.0,
                 "a leaf beside a finer one moves"

@@ -253,6 +253,12 @@ impl Cut {
         }
     }
 
+    /// Whether `leaf` meets a finer one at any side.
+    pub fn is_beside_finer(&self, charts: &[Chart], leaf: Leaf) -> bool {
+        let mut sides = SIDES.iter();
+        sides.any(|&side| self.across(charts, leaf, side) == Across::Finer)
+    }
+
     /// Triangles drawn of the charts, those of zero area included.
     pub fn triangles(&self) -> u64 {
         self.leaves().iter().map(|leaf| leaf.triangles()).sum()

@@ -33,6 +33,17 @@ pub struct Target<'a> {
     pub previous: Option<&'a Cut>,
 }
 
+impl Target<'_> {
+    /// Largest screen-space error wanted of what needs a page beyond the base, or of what does not.
+    pub(super) fn limit_px(&self, needs_page: bool) -> f64 {
+        if needs_page {
+            self.paged_error_px
+        } else {
+            self.error_px
+        }
+    }
+}
+
 /// What a view wants.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Wanted {
@@ -153,20 +164,13 @@ impl Walk<'_> {
         };
         let base = self.document.base_resolution.min(chart.resolution);
         let mut resolution = 0;
-        loop {
-            let index = usize::from(resolution);
-            let errors = entry.map_or(chart.base_errors.as_slice(), |entry| {
-                entry.errors.as_slice()
-            });
-            let Some(error) = errors.get(index).or_else(|| chart.base_errors.get(index)) else {
-                break;
-            };
+        while let Some(error) = root_error(self.document, id, resolution) {
             let root = NodeId::root(id);
             let was_finer = self.target.previous.is_some_and(|cut| {
                 cut.root_resolution(id)
                     .is_none_or(|previous| previous > resolution)
             });
-            if !self.is_too_coarse(*error, &bounds, resolution >= base, was_finer)
+            if !self.is_too_coarse(error, &bounds, resolution >= base, was_finer)
                 || !is_refinable(
                     self.document,
                     Leaf {
@@ -224,14 +228,19 @@ impl Walk<'_> {
         needs_page: bool,
         was_finer: bool,
     ) -> bool {
-        let limit = if needs_page {
-            self.target.paged_error_px
-        } else {
-            self.target.error_px
-        };
+        let limit = self.target.limit_px(needs_page);
         let limit = if was_finer { HYSTERESIS * limit } else { limit };
         importance_px(self.target.view, error, bounds) > limit
     }
+}
+
+/// Geometric error of the root of `chart` at a resolution, lattice units.
+pub(super) fn root_error(document: &Document, chart: ChartId, resolution: u8) -> Option<f32> {
+    let index = usize::from(resolution);
+    let entry = document.page(PageId(chart.0));
+    let base = document.charts.get(usize::try_from(chart.0).ok()?)?;
+    let error = entry.and_then(|entry| entry.errors.get(index));
+    error.or_else(|| base.base_errors.get(index)).copied()
 }
 
 /// Screen-space error, pixels, of a geometric error in `bounds`, less where it cannot be seen.
@@ -241,7 +250,7 @@ pub fn importance_px(view: &View, error: f32, bounds: &Bounds) -> f64 {
 }
 
 /// Length of a texel of a cluster's texture, pixels, less where it cannot be seen; 0 without a texture.
-pub(super) fn texel_px(view: &View, node: &ClusterNode) -> f64 {
+fn texel_px(view: &View, node: &ClusterNode) -> f64 {
     node.texel
         .map_or(0.0, |texel| importance_px(view, texel, &node.bounds))
 }

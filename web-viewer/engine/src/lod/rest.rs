@@ -11,11 +11,11 @@
 
 use super::animate::Drawn;
 use super::cluster::{self, morph::GroupMorphs};
-use super::cut::{Across, Cut, Leaf, SIDES};
-use super::desire::{Forest, Target, texel_px};
+use super::cut::{Cut, Leaf};
+use super::desire::{Forest, Target, root_error};
 use super::edge_morph::Morphs;
 use marquetry_format::quadtree::PAGE_RESOLUTION;
-use marquetry_format::{ChartId, ClusterGroup, ClusterId, ClusterNode, Document, NodeId, PageId};
+use marquetry_format::{ChartId, ClusterGroup, ClusterId, ClusterNode, Document, NodeId};
 
 /// From how many times the target error on a surface is wholly its own. At a hundredth of the distance a frame that is about as long as
 /// changes that are limited in time take; more costs detail where nothing moves.
@@ -89,13 +89,12 @@ fn group_morphs(document: &Document, target: &Target<'_>, cut: &Cut) -> GroupMor
 fn part_of_cluster(target: &Target<'_>, node: &ClusterNode) -> f64 {
     let error = target.view.error_px(node.error, &node.bounds) / target.paged_error_px;
     let texels = target.paged_error_px / target.error_px;
-    error.max(texel_px(target.view, node) / texels)
+    let texel = node.texel.unwrap_or(0.0);
+    error.max(target.view.error_px(texel, &node.bounds) / texels)
 }
 
 /// Of leaves beside which nothing is finer.
 fn leaf_morphs(document: &Document, forest: &Forest, target: &Target<'_>, cut: &Cut) -> Morphs {
-    let charts = &document.charts;
-    let is_finer = |leaf: Leaf, side| cut.across(charts, leaf, side) == Across::Finer;
     let surfaces = Surfaces {
         document,
         forest,
@@ -107,7 +106,7 @@ fn leaf_morphs(document: &Document, forest: &Forest, target: &Target<'_>, cut: &
             continue;
         };
         let morph = morph(coarser, surfaces.own(leaf));
-        if morph > 0.0 && !SIDES.iter().any(|&side| is_finer(leaf, side)) {
+        if morph > 0.0 && !cut.is_beside_finer(&document.charts, leaf) {
             morphs.insert(leaf.node, morph);
         }
     }
@@ -143,10 +142,7 @@ impl Surfaces<'_> {
 
     fn root(&self, id: ChartId, resolution: u8) -> Option<f64> {
         let chart = self.document.charts.get(usize::try_from(id.0).ok()?)?;
-        let index = usize::from(resolution);
-        let entry = self.document.page(PageId(id.0));
-        let error = entry.and_then(|entry| entry.errors.get(index));
-        let error = *error.or_else(|| chart.base_errors.get(index))?;
+        let error = root_error(self.document, id, resolution)?;
         let is_paged = resolution >= self.document.base_resolution.min(chart.resolution);
         self.part(error, NodeId::root(id), is_paged)
     }
@@ -160,12 +156,7 @@ impl Surfaces<'_> {
     fn part(&self, error: f32, node: NodeId, is_paged: bool) -> Option<f64> {
         let bounds = self.forest.bounds(self.document, node)?;
         let target = self.target;
-        let limit = if is_paged {
-            target.paged_error_px
-        } else {
-            target.error_px
-        };
-        Some(target.view.error_px(error, &bounds) / limit)
+        Some(target.view.error_px(error, &bounds) / target.limit_px(is_paged))
     }
 }
 
@@ -206,7 +197,7 @@ mod tests {
         }
     }
 
-    fn seen_from(document: &Document, distance: f64, error_px: f64) -> (Drawn, Drawn) {
+    fn seen_from(document: &Document, distance: f64, error_px: f64) -> Drawn {
         let camera = Camera::standard(&document.metadata, 0, distance).unwrap();
         let view = View::new(&camera, &document.metadata, Viewport::new(800, 600));
         let target = Target {
@@ -217,10 +208,7 @@ mod tests {
         };
         let forest = Forest::new(document);
         let cut = forest.want(document, &target).cut;
-        (
-            at_rest(document, &forest, &target, cut.clone()),
-            Drawn::of(cut),
-        )
+        at_rest(document, &forest, &target, cut)
     }
 
     #[test]
@@ -231,7 +219,7 @@ mod tests {
         let (mut distance, mut last): (f64, Option<Drawn>) = (60.0, None);
         let (mut changes, mut moves) = (0, 0);
         while distance > 0.3 {
-            let (drawn, _) = seen_from(document, distance, 1.0);
+            let drawn = seen_from(document, distance, 1.0);
             moves += usize::from(!drawn.group_morphs.is_empty());
             if let Some(last) = &last {
                 changes += usize::from(last.cut != drawn.cut);
@@ -260,15 +248,11 @@ mod tests {
             let finest = random_finest(&mut random, &charts, 3, 4);
             let (document, _) = shape.open(&finest).unwrap();
             for k in 0..60 {
-                let (drawn, still) =
-                    seen_from(&document, 0.7 * 1.05_f64.powi(k), 1.0 + random.unit());
+                let drawn = seen_from(&document, 0.7 * 1.05_f64.powi(k), 1.0 + random.unit());
                 assert!(balance::is_balanced(&drawn.cut, &charts));
-                assert_eq!(drawn.cut, still.cut);
                 moves += drawn.morphs.len();
                 for leaf in drawn.cut.leaves() {
-                    let mut sides = SIDES.iter();
-                    let beside =
-                        sides.any(|&side| drawn.cut.across(&charts, leaf, side) == Across::Finer);
+                    let beside = drawn.cut.is_beside_finer(&charts, leaf);
                     assert!(!beside || morph_of(&drawn.morphs, leaf) == 0.0);
                 }
             }

@@ -24,6 +24,10 @@ use std::collections::{BTreeMap, BTreeSet};
 const DEEPEST_LEVEL: u8 = 6;
 /// A node is refined until its largest distance is at most this many targets, while the budget for that lasts.
 pub(crate) const MAX_OVER_TARGET: f64 = 10.0;
+/// First, and with this part of that budget, where it is more than so many targets: all else would leave nothing for the places that
+/// need many levels.
+const FAR_OVER_TARGET: f64 = 25.0;
+const FAR_PART: [u64; 2] = [3, 10];
 /// So many samples may be spent on the largest error for so many that the mean one needs, and [`WORST_BUDGET`] in any case.
 const WORST_PART: [u64; 2] = [2, 3];
 const WORST_BUDGET: u64 = 16 * 1024;
@@ -171,7 +175,10 @@ impl<'a> Survey<'a> {
                     break;
                 }
             }
-            self.mend_worst(&mut depth);
+            let budget = count(&depth) * WORST_PART[0] / WORST_PART[1] + WORST_BUDGET;
+            let far = budget * FAR_PART[0] / FAR_PART[1];
+            let left = self.mend_worst(&mut depth, FAR_OVER_TARGET, far);
+            self.mend_worst(&mut depth, MAX_OVER_TARGET, budget - far + left);
             let squares = self.squares(&depth);
             if best.is_some() && squares > goal {
                 missed = mean_goal;
@@ -297,10 +304,9 @@ impl<'a> Survey<'a> {
         grown.into_iter().any(|grown| grown)
     }
 
-    /// Refines where the largest error is above its limit, worst first.
-    fn mend_worst(&mut self, depth: &mut Depth) {
-        let limit = MAX_OVER_TARGET * self.surface.target;
-        let mut budget = count(depth) * WORST_PART[0] / WORST_PART[1] + WORST_BUDGET;
+    /// Refines where the largest error is above so many targets, worst first, for at most `budget` samples. Returns what is left of it.
+    fn mend_worst(&mut self, depth: &mut Depth, over_target: f64, mut budget: u64) -> u64 {
+        let limit = over_target * self.surface.target;
         for _ in 0..ROUNDS {
             let mut bad: Vec<(f64, NodeId)> = Vec::new();
             for (chart, trials) in self.trials.iter().enumerate() {
@@ -328,7 +334,7 @@ impl<'a> Survey<'a> {
                 wanted.push(node);
             }
             if wanted.is_empty() {
-                return;
+                break;
             }
             for &node in &wanted {
                 depth.refine(node);
@@ -337,6 +343,7 @@ impl<'a> Survey<'a> {
             budget = budget.saturating_sub(count(depth) - before);
             self.know(depth);
         }
+        budget
     }
 
     /// Tries what `depth` holds and nobody has tried.

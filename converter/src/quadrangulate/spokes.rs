@@ -34,7 +34,10 @@ const WEIGHTS: Weights = Weights::Stretch(0, 8);
 const TIP: f64 = 4.0;
 
 /// Other centres are tried where the smallest patch of a region has less than this part of their mean area.
-const EVEN: f64 = 0.2;
+const EVEN: f64 = 0.3;
+
+/// Vertices at which the centre is tried where nothing else makes patches alike.
+const SPREAD: usize = 48;
 
 /// The first centres that are tried: a tip of a protrusion, if there is one, else the origin.
 ///
@@ -66,6 +69,13 @@ fn even_centres(region: &Region, flat: &Flat) -> impl Iterator<Item = DVec2> + u
         .map(move |part| nearest * part)
 }
 
+/// Centres all over a region, of which the flattening is `flat`.
+fn spread_centres(flat: &Flat) -> impl Iterator<Item = DVec2> {
+    let count = flat.uv.len();
+    // Beside a vertex, since those of sides are not inside.
+    (0..SPREAD).map(move |i| flat.uv[i * count / SPREAD] * 0.999)
+}
+
 /// Centres for where rounding has folded triangles over each other, as where a protrusion shrinks to a speck of the polygon.
 /// That does no harm unless a spoke runs through the speck, and another centre sends the spokes elsewhere.
 fn other_centres() -> impl Iterator<Item = DVec2> {
@@ -73,8 +83,21 @@ fn other_centres() -> impl Iterator<Item = DVec2> {
     (1..16).map(|i| DVec2::from_angle(2.399_963 * f64::from(i)) * 0.02 * f64::from(i))
 }
 
-/// Patches, the spokes between them, and the part of their mean area that the smallest has.
-type Cut = (Vec<Patch>, Vec<Border>, f64);
+/// Parts of its distance from the smallest patch's corner by which a centre is moved away from it, in this order.
+const STEPS: [f64; 4] = [0.5, 0.25, 0.1, 0.05];
+
+/// Moves of a centre, at most.
+const MOVES: usize = 8;
+
+/// A region cut from one centre.
+struct Cut {
+    centre: DVec2,
+    patches: Vec<Patch>,
+    spokes: Vec<Border>,
+    /// The smallest patch, and the part of their mean area that it has.
+    smallest: usize,
+    evenness: f64,
+}
 
 /// A region that can be cut again and again.
 struct Retry {
@@ -101,29 +124,68 @@ impl Retry {
         let (patches, spokes) = cut?;
         let areas = patches.iter().map(Patch::area);
         let mean = areas.clone().sum::<f64>() / patches.len() as f64;
-        let smallest = areas.fold(f64::INFINITY, f64::min);
-        Some((patches, spokes, smallest / mean.max(f64::MIN_POSITIVE)))
+        let (smallest, least) = areas.enumerate().min_by(|a, b| a.1.total_cmp(&b.1))?;
+        Some(Cut {
+            centre,
+            patches,
+            spokes,
+            smallest,
+            evenness: least / mean.max(f64::MIN_POSITIVE),
+        })
+    }
+
+    /// Moves the centre of `best` away from the corner of its smallest patch for as long as that patch grows.
+    fn move_centre(&mut self, flat: &Flat, best: &mut Cut) {
+        for _ in 0..MOVES {
+            if best.evenness >= EVEN {
+                return;
+            }
+            let sides = &self.region.sides;
+            let corner = sides[(best.smallest + 1) % sides.len()].vertices[0];
+            let away = best.centre - flat.uv[corner as usize];
+            let larger = STEPS.into_iter().find_map(|step| {
+                let cut = self.cut(flat, best.centre + away * step)?;
+                (cut.evenness > best.evenness).then_some(cut)
+            });
+            let Some(larger) = larger else {
+                return;
+            };
+            *best = larger;
+        }
     }
 
     /// The first cut that there is, or one with a larger smallest patch.
     fn best(&mut self, flat: &Flat) -> Option<Cut> {
-        let is_even = |cut: &Option<Cut>| cut.as_ref().is_some_and(|cut| cut.2 >= EVEN);
+        let is_even = |cut: &Option<Cut>| cut.as_ref().is_some_and(|cut| cut.evenness >= EVEN);
         let mut best = first_centres(flat).find_map(|centre| self.cut(flat, centre));
-        if is_even(&best) {
-            return best;
-        }
-        for centre in even_centres(&self.region, flat) {
+        let middle: Vec<DVec2> = even_centres(&self.region, flat).collect();
+        let all: Vec<DVec2> = spread_centres(flat).collect();
+        // From the middle the first that will do, all over the best.
+        for centre in middle {
             if is_even(&best) {
-                break;
+                return best;
             }
-            let cut = self.cut(flat, centre);
-            if let Some(cut) = cut
-                && best.as_ref().is_none_or(|best| best.2 < cut.2)
-            {
-                best = Some(cut);
+            self.replace(&mut best, flat, centre);
+        }
+        if !is_even(&best) {
+            for centre in all {
+                self.replace(&mut best, flat, centre);
             }
+        }
+        if let Some(best) = &mut best {
+            self.move_centre(flat, best);
         }
         best.or_else(|| other_centres().find_map(|centre| self.cut(flat, centre)))
+    }
+
+    /// Takes the cut from `centre` if its smallest patch is larger.
+    fn replace(&mut self, best: &mut Option<Cut>, flat: &Flat, centre: DVec2) {
+        let Some(cut) = self.cut(flat, centre) else {
+            return;
+        };
+        if best.as_ref().is_none_or(|best| best.evenness < cut.evenness) {
+            *best = Some(cut);
+        }
     }
 }
 
@@ -141,7 +203,10 @@ pub(super) fn cut(
         let uniform = retry.region.flattened(Weights::Uniform);
         retry.best(&uniform)
     });
-    let Some((patches, spokes, _)) = cut else {
+    let Some(Cut {
+        patches, spokes, ..
+    }) = cut
+    else {
         return Err(QuadrangulateError::Folded {
             region: retry.region.id,
             triangles: retry.triangles.len(),

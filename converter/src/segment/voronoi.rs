@@ -186,20 +186,27 @@ impl<'a> Regions<'a> {
     }
 }
 
+/// Regions that are less deep than this part of the median grow to it: handles force some into the narrowest necks.
+const LEAST_DEPTH: f64 = 0.35;
+
 /// A seed for each region: far from its border, yet near its centroid. With `bias` 1 distances begin at the rim of the
-/// circle that fits into the region, so that cells keep their sizes; with 0 all begin alike.
+/// circle that fits into the region, so that cells keep their sizes, but for the smallest; with 0 all begin alike.
 pub(super) fn centres(surface: &Surface, labels: &[u32], regions: u32, bias: f64) -> Vec<Seed> {
     let by_region = Regions::of(surface, labels, regions);
     let centres: Vec<(u32, f64)> = (0..regions)
         .into_par_iter()
         .filter_map(|region| by_region.centre(region))
         .collect();
-    let deepest = centres.iter().map(|&(_, depth)| depth).fold(0.0, f64::max);
+    let mut depths: Vec<f64> = centres.iter().map(|&(_, depth)| depth).collect();
+    depths.sort_by(f64::total_cmp);
+    let deepest = depths.last().copied().unwrap_or_default();
+    let median = depths.get(depths.len() / 2).copied().unwrap_or_default();
+    let least = LEAST_DEPTH * median;
     centres
         .into_iter()
         .map(|(vertex, depth)| Seed {
             vertex,
-            start: bias * (deepest - depth),
+            start: bias * (deepest - depth.max(least)),
         })
         .collect()
 }

@@ -134,37 +134,72 @@ impl Walk {
     }
 }
 
-/// The boundary of what has been told: edges of its triangles, and the corner opposite to each; the newest is the last.
-#[derive(Debug, Default)]
-struct Front(Vec<[u8; 3]>);
+/// The boundary of what has been told.
+#[derive(Debug)]
+struct Front {
+    /// Edges of its triangles, and the corner opposite to each; the newest is the last.
+    edges: Vec<[u8; 3]>,
+    /// By vertex, how many edges leave it.
+    leaving: [u32; MAX_CLUSTER_VERTICES],
+}
+
+impl Default for Front {
+    fn default() -> Self {
+        Self {
+            edges: Vec::new(),
+            leaving: [0; MAX_CLUSTER_VERTICES],
+        }
+    }
+}
 
 impl Front {
+    /// How many edges leave a vertex.
+    #[expect(
+        clippy::indexing_slicing,
+        reason = "there is a place for all that a byte can number"
+    )]
+    fn leaving(&mut self, vertex: u8) -> &mut u32 {
+        &mut self.leaving[usize::from(vertex)]
+    }
+
     /// Adds an edge, which closes one that runs the other way.
     fn add(&mut self, edge: [u8; 3]) {
         let [from, to, _] = edge;
-        let twin = self.0.iter().rposition(|&[a, b, _]| a == to && b == from);
+        // Mostly none does, and then it need not be looked for.
+        let twin = (*self.leaving(to) > 0)
+            .then(|| self.edges.iter().rposition(|&[a, b, _]| a == to && b == from))
+            .flatten();
         if let Some(twin) = twin {
-            self.0.remove(twin);
+            self.remove(twin);
         } else {
-            self.0.push(edge);
+            let leaving = self.leaving(from);
+            *leaving = leaving.saturating_add(1);
+            self.edges.push(edge);
         }
+    }
+
+    fn remove(&mut self, index: usize) -> [u8; 3] {
+        let edge = self.edges.remove(index);
+        let leaving = self.leaving(edge[0]);
+        *leaving = leaving.saturating_sub(1);
+        edge
     }
 
     /// Removes the edge that is `place` edges before the newest.
     fn take(&mut self, place: usize) -> Option<[u8; 3]> {
-        let index = self.0.len().checked_sub(place)?.checked_sub(1)?;
-        Some(self.0.remove(index))
+        let index = self.edges.len().checked_sub(place)?.checked_sub(1)?;
+        Some(self.remove(index))
     }
 
     /// Where the newest edge to `to` comes from.
     fn before(&self, to: u8) -> Option<u8> {
-        let edge = self.0.iter().rfind(|edge| edge[1] == to);
+        let edge = self.edges.iter().rfind(|edge| edge[1] == to);
         edge.map(|edge| edge[0])
     }
 
     /// Where the newest edge from `from` goes.
     fn after(&self, from: u8) -> Option<u8> {
-        let edge = self.0.iter().rfind(|edge| edge[0] == from);
+        let edge = self.edges.iter().rfind(|edge| edge[0] == from);
         edge.map(|edge| edge[1])
     }
 

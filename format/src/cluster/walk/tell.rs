@@ -39,7 +39,7 @@ pub(crate) fn tell(triangles: &[[u8; 3]]) -> Result<Told, Error> {
     let mut is_border = vec![[false; MAX_CLUSTER_VERTICES]; MAX_CLUSTER_VERTICES];
     let mut first_untold = 0;
     while told.walk.triangles.len() < triangles.len() {
-        let named = front.0.iter().rev().take(NAMED).enumerate();
+        let named = front.edges.iter().rev().take(NAMED).enumerate();
         let across = named.into_iter().find_map(|(place, &[from, to, _])| {
             if is_border[usize::from(from)][usize::from(to)] {
                 return None;

@@ -15,7 +15,7 @@ use std::process::Command;
 /// # Errors
 /// When something is missing, or a check fails.
 pub(crate) fn run(project: &Project) -> Result<()> {
-    setup::ensure(&[Need::Python])?;
+    setup::ensure(&[Need::Python, Need::Node])?;
     tools::install(project)?;
     let python = tools::python(project).join("bin/python");
     let server = serve_for_checks(project)?;

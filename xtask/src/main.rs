@@ -36,7 +36,7 @@ usage: cargo xtask COMMAND
   browser       only the browser test, on what is built
   layering      check that the crates know only whom they may
   bless         write the golden files anew from the present code
-  setup-tests   install what tests need from PyPI: an S3 server, HTTP checkers, another measure of distances
+  setup-tests   install what tests need from PyPI and npm: object stores, HTTP checkers, another measure of distances
   stability [WORDS]
                 every case that methods fail on, into docs/stability.md, or those with all WORDS in their names
   bench [REVISION]
@@ -70,7 +70,7 @@ fn dispatch(arguments: &[String]) -> Result<ExitCode> {
         ["web"] => web::build(&Project::locate()?).map(done),
         ["browser"] => browser::run(&Project::locate()?).map(done),
         ["layering"] => layering::check(&Project::locate()?).map(done),
-        ["setup-tests"] => setup::ensure(&[setup::Need::Python])
+        ["setup-tests"] => setup::ensure(&[setup::Need::Python, setup::Need::Node])
             .and_then(|()| tools::install(&Project::locate()?))
             .map(done),
         ["stability", words @ ..] => stability::run(&Project::locate()?, words).map(done),

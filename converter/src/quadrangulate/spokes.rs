@@ -183,7 +183,10 @@ impl Retry {
         let Some(cut) = self.cut(flat, centre) else {
             return;
         };
-        if best.as_ref().is_none_or(|best| best.evenness < cut.evenness) {
+        if best
+            .as_ref()
+            .is_none_or(|best| best.evenness < cut.evenness)
+        {
             *best = Some(cut);
         }
     }

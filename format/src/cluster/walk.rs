@@ -167,7 +167,11 @@ impl Front {
         let [from, to, _] = edge;
         // Mostly none does, and then it need not be looked for.
         let twin = (*self.leaving(to) > 0)
-            .then(|| self.edges.iter().rposition(|&[a, b, _]| a == to && b == from))
+            .then(|| {
+                self.edges
+                    .iter()
+                    .rposition(|&[a, b, _]| a == to && b == from)
+            })
             .flatten();
         if let Some(twin) = twin {
             self.remove(twin);

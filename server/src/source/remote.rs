@@ -76,9 +76,10 @@ impl PartialEq for RemoteVersion {
 }
 
 impl RemoteVersion {
+    /// The strong entity tag, without its quotes, which Azure's listings do not give.
     fn strong_tag(&self) -> Option<&str> {
         let tag = self.0.e_tag.as_deref()?;
-        (!tag.starts_with("W/")).then_some(tag)
+        (!tag.starts_with("W/")).then(|| tag.trim_matches('"'))
     }
 
     fn has_date(&self) -> bool {
@@ -352,7 +353,7 @@ impl RemoteObject {
                 ..GetOptions::default()
             };
             match self.version.strong_tag() {
-                Some(tag) => options.if_match = Some(tag.to_owned()),
+                Some(tag) => options.if_match = Some(format!("\"{tag}\"")),
                 None => options.if_unmodified_since = Some(self.version.0.last_modified),
             }
             let result = self.store.objects.get_opts(&self.location, options).await?;

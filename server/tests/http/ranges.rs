@@ -1,6 +1,6 @@
 //! Byte ranges and conditions of `/files`, against RFC 9110, on a real socket, from every kind of source.
 
-use crate::support::s3::{Ignored, S3};
+use crate::support::objects::{Ignored, Kind, Objects};
 use crate::support::{Answer, Running, marq};
 use marquetry_server::Config;
 use std::ops::Range;
@@ -72,13 +72,13 @@ impl Fixture {
         Self::of(server, vec![Box::new(origin), Box::new(folder)])
     }
 
-    fn s3() -> Result<Self, Ignored> {
-        let s3 = S3::start()?;
-        s3.put("scans/some/a.marq", &marq(0));
+    fn object(kind: Kind) -> Result<Self, Ignored> {
+        let objects = Objects::start(kind)?;
+        objects.put("some/a.marq", &marq(0));
         // Until its date may be relied on.
         std::thread::sleep(Duration::from_secs(4));
-        let server = Running::start(s3.config("s3://scans/some"));
-        Ok(Self::of(server, vec![Box::new(s3)]))
+        let server = Running::start(objects.config("some"));
+        Ok(Self::of(server, vec![Box::new(objects)]))
     }
 }
 
@@ -400,12 +400,26 @@ fn a_folder_of_an_http_origin_is_answered_as_rfc_9110_says() {
     check_all(&Fixture::origin("/files/"));
 }
 
-#[test]
-fn an_object_of_s3_is_answered_as_rfc_9110_says() {
-    match Fixture::s3() {
+fn check_object(kind: Kind) {
+    match Fixture::object(kind) {
         Ok(fixture) => check_all(&fixture),
         Err(ignored) => ignored.report(),
     }
+}
+
+#[test]
+fn an_object_of_s3_is_answered_as_rfc_9110_says() {
+    check_object(Kind::Amazon);
+}
+
+#[test]
+fn an_object_of_google_is_answered_as_rfc_9110_says() {
+    check_object(Kind::Google);
+}
+
+#[test]
+fn an_object_of_azure_is_answered_as_rfc_9110_says() {
+    check_object(Kind::Azure);
 }
 
 /// The `Content-Range` and the body of each part.

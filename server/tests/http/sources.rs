@@ -1,6 +1,6 @@
 //! Files that come, change and go, on disk and in a real object store; sources that fail.
 
-use crate::support::s3::S3;
+use crate::support::objects::{Kind, Objects};
 use crate::support::{Running, marq};
 use marquetry_server::Config;
 use std::io::{BufRead, BufReader, Read, Write};
@@ -157,33 +157,46 @@ fn a_file_rewritten_in_place_under_load_is_never_mixed() {
     no_response_mixes_versions(&server, |bytes| std::fs::write(&path, bytes).unwrap(), 150);
 }
 
-#[test]
-fn an_object_replaced_under_load_is_never_mixed() {
-    let s3 = match S3::start() {
-        Ok(s3) => s3,
-        Err(ignored) => return ignored.report(),
-    };
-    s3.put("scans/a.marq", &marq(0));
-    let server = Running::start(s3.config("s3://scans"));
-    no_response_mixes_versions(&server, |bytes| s3.put("scans/a.marq", bytes), 40);
+/// Calls `test` with a store, if it can be started here.
+fn on(kind: Kind, test: impl Fn(&Objects)) {
+    match Objects::start(kind) {
+        Ok(objects) => test(&objects),
+        Err(ignored) => ignored.report(),
+    }
+}
+
+fn check_replaced(objects: &Objects) {
+    objects.put("a.marq", &marq(0));
+    let server = Running::start(objects.config(""));
+    no_response_mixes_versions(&server, |bytes| objects.put("a.marq", bytes), 40);
 }
 
 #[test]
-fn objects_come_change_and_go_without_a_restart() {
-    let s3 = match S3::start() {
-        Ok(s3) => s3,
-        Err(ignored) => return ignored.report(),
-    };
-    let server = Running::start(s3.config("s3://scans/prefix"));
+fn an_object_of_s3_replaced_under_load_is_never_mixed() {
+    on(Kind::Amazon, check_replaced);
+}
+
+#[test]
+fn an_object_of_google_replaced_under_load_is_never_mixed() {
+    on(Kind::Google, check_replaced);
+}
+
+#[test]
+fn an_object_of_azure_replaced_under_load_is_never_mixed() {
+    on(Kind::Azure, check_replaced);
+}
+
+fn check_changes(objects: &Objects) {
+    let server = Running::start(objects.config("prefix"));
     let wait = || std::thread::sleep(Duration::from_millis(300));
     assert!(names(&server).is_empty());
     assert_eq!(server.get("/files/a.marq").status, 404);
-    s3.put("scans/prefix/a.marq", &marq(0));
-    s3.put("scans/prefix/deep/er/b.marq", &marq(1));
-    s3.put("scans/prefix/note.txt", b"no file of ours");
-    s3.put("scans/prefix/a.json", br#"{"licence":"CC0-1.0"}"#);
-    s3.put("scans/prefix/broken.marq", b"broken");
-    s3.put("scans/outside.marq", &marq(2));
+    objects.put("prefix/a.marq", &marq(0));
+    objects.put("prefix/deep/er/b.marq", &marq(1));
+    objects.put("prefix/note.txt", b"no file of ours");
+    objects.put("prefix/a.json", br#"{"licence":"CC0-1.0"}"#);
+    objects.put("prefix/broken.marq", b"broken");
+    objects.put("outside.marq", &marq(2));
     wait();
     assert_eq!(names(&server), ["a", "deep/er/b"]);
     assert!(server.get("/files/a.marq").body == marq(0));
@@ -191,13 +204,28 @@ fn objects_come_change_and_go_without_a_restart() {
     assert_eq!(server.get("/files/broken.marq").status, 500);
     assert_eq!(server.get("/files/outside.marq").status, 404);
     assert_eq!(server.get("/files/../outside.marq").status, 404);
-    s3.put("scans/prefix/a.marq", &marq(3));
+    objects.put("prefix/a.marq", &marq(3));
     wait();
     assert!(server.get("/files/a.marq").body == marq(3));
-    s3.delete("scans/prefix/a.marq");
+    objects.delete("prefix/a.marq");
     wait();
     assert_eq!(server.get("/files/a.marq").status, 404);
     assert_eq!(names(&server), ["deep/er/b"]);
+}
+
+#[test]
+fn objects_of_s3_come_change_and_go_without_a_restart() {
+    on(Kind::Amazon, check_changes);
+}
+
+#[test]
+fn objects_of_google_come_change_and_go_without_a_restart() {
+    on(Kind::Google, check_changes);
+}
+
+#[test]
+fn objects_of_azure_come_change_and_go_without_a_restart() {
+    on(Kind::Azure, check_changes);
 }
 
 /// An HTTP origin that does what a script says, and counts.

@@ -1,6 +1,6 @@
 //! A small `.marq` file, a running server, and an HTTP client that hides nothing.
 
-pub(crate) mod s3;
+pub(crate) mod objects;
 
 use marquetry_format::writer::{
     ChartInput, ChartTiles, ColourInput, Content, NodeInput, TileInput, write,

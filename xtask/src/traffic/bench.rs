@@ -183,6 +183,9 @@ impl Served {
                 pages.push((path, length));
             }
         }
+        if pages.is_empty() {
+            bail!("the file has no pages of its own: all is in its first read");
+        }
         Ok(Self { bytes, pages })
     }
 

@@ -126,17 +126,16 @@ fn be_slow(address: SocketAddr, number: usize, stop: &AtomicBool) -> Option<Dura
             }
             2 => {
                 std::thread::sleep(pause);
-                // Only the error that a reset leaves shows, since nothing is read.
-                stream.take_error().ok().flatten().is_some()
-                    || stream.write_all(b"x").is_err_and(|error| is_end(&error))
+                was_reset(&stream) || stream.write_all(b"x").is_err_and(|error| is_end(&error))
             }
             _ => {
                 std::thread::sleep(pause);
-                match stream.read(&mut byte) {
-                    Ok(0) => true,
-                    Ok(_) => false,
-                    Err(error) => is_end(&error),
-                }
+                was_reset(&stream)
+                    || match stream.read(&mut byte) {
+                        Ok(0) => true,
+                        Ok(_) => false,
+                        Err(error) => is_end(&error),
+                    }
             }
         };
         if ended {
@@ -153,6 +152,11 @@ fn is_end(error: &std::io::Error) -> bool {
             | std::io::ErrorKind::TimedOut
             | std::io::ErrorKind::Interrupted
     )
+}
+
+/// Whether the server has reset the connection. Reading does not tell before all is read that came until then.
+fn was_reset(stream: &TcpStream) -> bool {
+    stream.take_error().ok().flatten().is_some()
 }
 
 fn has_ended(stream: &TcpStream) -> bool {

@@ -73,6 +73,9 @@ struct Promise {
     rms_rel: f64,
     hausdorff_rel: f64,
     bytes_per_triangle: f64,
+    /// Of charts: how many regions at most, and the smallest chart over the median.
+    regions: f64,
+    smallest_chart: f64,
     samples: u64,
 }
 
@@ -114,6 +117,12 @@ fn assert_kept_by(promise: &Promise, input: &Path, converted: &Converted) {
             "{way}: measured {max}, but the bound is {bound}"
         );
     }
+    if number(&converted.report, "/output/charts") > 0.0 {
+        let layout = |name: &str| number(&converted.report, &format!("/layout/{name}"));
+        assert!(layout("regions") <= promise.regions);
+        let [min, median] = ["min", "median"].map(|of| layout(&format!("chart_area/{of}")));
+        assert!(min >= promise.smallest_chart * median, "{min} of {median}");
+    }
     let bytes = converted.bytes().unwrap();
     assert_eq!(converted.report["output"]["bytes"], bytes);
     assert!(
@@ -130,6 +139,8 @@ fn dragon_keeps_what_is_promised() {
         rms_rel: 1e-4,
         hausdorff_rel: 3e-3,
         bytes_per_triangle: 8.0,
+        regions: 120.0,
+        smallest_chart: 1.0 / 50.0,
         samples: 1_000_000,
     });
 }
@@ -142,6 +153,8 @@ fn smaller(file: &'static str, triangles: u64) -> Promise {
         rms_rel: 3e-4,
         hausdorff_rel: f64::INFINITY,
         bytes_per_triangle: f64::INFINITY,
+        regions: f64::INFINITY,
+        smallest_chart: 0.0,
         samples: 300_000,
     }
 }

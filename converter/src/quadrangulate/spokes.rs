@@ -158,17 +158,15 @@ impl Retry {
     fn best(&mut self, flat: &Flat) -> Option<Cut> {
         let is_even = |cut: &Option<Cut>| cut.as_ref().is_some_and(|cut| cut.evenness >= EVEN);
         let mut best = first_centres(flat).find_map(|centre| self.cut(flat, centre));
-        let middle: Vec<DVec2> = even_centres(&self.region, flat).collect();
-        let all: Vec<DVec2> = spread_centres(flat).collect();
         // From the middle the first that will do, all over the best.
-        for centre in middle {
+        for centre in even_centres(&self.region, flat) {
             if is_even(&best) {
                 return best;
             }
             self.replace(&mut best, flat, centre);
         }
         if !is_even(&best) {
-            for centre in all {
+            for centre in spread_centres(flat) {
                 self.replace(&mut best, flat, centre);
             }
         }

@@ -1,6 +1,6 @@
 //! Files that come, change and go, on disk and in a real object store; sources that fail.
 
-use crate::support::objects::{Kind, Objects};
+use crate::support::objects::{Kind, Objects, on};
 use crate::support::{Running, marq};
 use marquetry_server::Config;
 use std::io::{BufRead, BufReader, Read, Write};
@@ -157,14 +157,6 @@ fn a_file_rewritten_in_place_under_load_is_never_mixed() {
     no_response_mixes_versions(&server, |bytes| std::fs::write(&path, bytes).unwrap(), 150);
 }
 
-/// Calls `test` with a store, if it can be started here.
-fn on(kind: Kind, test: impl Fn(&Objects)) {
-    match Objects::start(kind) {
-        Ok(objects) => test(&objects),
-        Err(ignored) => ignored.report(),
-    }
-}
-
 fn check_replaced(objects: &Objects) {
     objects.put("a.marq", &marq(0));
     let server = Running::start(objects.config(""));
@@ -173,17 +165,17 @@ fn check_replaced(objects: &Objects) {
 
 #[test]
 fn an_object_of_s3_replaced_under_load_is_never_mixed() {
-    on(Kind::Amazon, check_replaced);
+    on(Kind::Amazon, |objects| check_replaced(&objects));
 }
 
 #[test]
 fn an_object_of_google_replaced_under_load_is_never_mixed() {
-    on(Kind::Google, check_replaced);
+    on(Kind::Google, |objects| check_replaced(&objects));
 }
 
 #[test]
 fn an_object_of_azure_replaced_under_load_is_never_mixed() {
-    on(Kind::Azure, check_replaced);
+    on(Kind::Azure, |objects| check_replaced(&objects));
 }
 
 fn check_changes(objects: &Objects) {
@@ -215,17 +207,17 @@ fn check_changes(objects: &Objects) {
 
 #[test]
 fn objects_of_s3_come_change_and_go_without_a_restart() {
-    on(Kind::Amazon, check_changes);
+    on(Kind::Amazon, |objects| check_changes(&objects));
 }
 
 #[test]
 fn objects_of_google_come_change_and_go_without_a_restart() {
-    on(Kind::Google, check_changes);
+    on(Kind::Google, |objects| check_changes(&objects));
 }
 
 #[test]
 fn objects_of_azure_come_change_and_go_without_a_restart() {
-    on(Kind::Azure, check_changes);
+    on(Kind::Azure, |objects| check_changes(&objects));
 }
 
 /// An HTTP origin that does what a script says, and counts.

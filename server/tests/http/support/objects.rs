@@ -5,9 +5,9 @@
 
 use super::exchange;
 use marquetry_server::Config;
-use std::io::{BufRead, BufReader, Read};
+use std::io::{BufRead, BufReader, Read, Write};
 use std::net::SocketAddr;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
 use std::sync::mpsc::channel;
 use std::time::Duration;
@@ -20,17 +20,18 @@ const KEY: &str =
 const SIGNATURE: &str = "sv=2019-12-12&ss=b&srt=sco&sp=rwdlac&se=2099-01-01T00%3A00%3A00Z&\
                          sig=YKAtmJudHaH98kax9IHOYkiCF9veHhGg4TBHNwluLXo%3D";
 
-/// A test cannot run here.
-#[derive(Debug)]
-pub(crate) struct Ignored(String);
-
-impl Ignored {
-    /// Says so on standard error, past the capture of output.
-    pub(crate) fn report(&self) {
-        use std::io::Write;
-        let name = std::thread::current().name().unwrap_or_default().to_owned();
-        let _ = writeln!(std::io::stderr(), "test {name} ... ignored: {}", self.0);
+/// Calls `test` with a store. Where none is installed, says so on standard error, past the capture of output.
+pub(crate) fn on(kind: Kind, test: impl FnOnce(Objects)) {
+    let program = kind.program();
+    if program.is_file() {
+        return test(Objects::start(kind, &program));
     }
+    let name = std::thread::current().name().unwrap_or_default().to_owned();
+    let _ = writeln!(
+        std::io::stderr(),
+        "test {name} ... ignored: {} is not there; cargo xtask setup-tests installs it",
+        program.display()
+    );
 }
 
 /// Whose protocol a store speaks.
@@ -90,14 +91,7 @@ impl Kind {
 
 impl Objects {
     /// Starts a store with the bucket `scans`.
-    pub(crate) fn start(kind: Kind) -> Result<Self, Ignored> {
-        let program = kind.program();
-        if !program.is_file() {
-            return Err(Ignored(format!(
-                "{} is not there; cargo xtask setup-tests installs it",
-                program.display()
-            )));
-        }
+    fn start(kind: Kind, program: &Path) -> Self {
         let mut command = Command::new(program);
         command.args(kind.arguments()).stdin(Stdio::null());
         let (mut reader, writer) = std::io::pipe().unwrap();
@@ -132,7 +126,7 @@ impl Objects {
             Kind::Amazon | Kind::Google => objects.send("PUT", "scans", "", &[]),
             Kind::Azure => objects.send("PUT", "scans", "restype=container&", &[]),
         }
-        Ok(objects)
+        objects
     }
 
     /// Puts an object at `PATH` of the bucket.

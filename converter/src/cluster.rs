@@ -79,6 +79,34 @@ impl Room {
     }
 }
 
+/// What a triangle needs of images.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Need {
+    /// So many texels.
+    Texels(f32),
+    /// Only this colour, sRGB.
+    Colour([u8; 3]),
+}
+
+impl Need {
+    /// Texels, of which there may be none.
+    pub fn texels(self) -> f32 {
+        match self {
+            Self::Texels(texels) => texels,
+            Self::Colour(_) => 0.0,
+        }
+    }
+
+    /// That of half of the triangle.
+    #[must_use]
+    pub fn halved(self) -> Self {
+        match self {
+            Self::Texels(texels) => Self::Texels(texels / 2.0),
+            Self::Colour(_) => self,
+        }
+    }
+}
+
 /// A graph of clusters, and what is in it.
 #[derive(Debug)]
 pub struct Layer {
@@ -186,8 +214,8 @@ impl Layer {
     }
 }
 
-/// Builds the tree of `components`, lists of triangles of `mesh`, of which there is at least one. `texels` has those of the source's
-/// images by triangle; it is empty where clusters need no room for textures.
+/// Builds the tree of `components`, lists of triangles of `mesh`, of which there is at least one. `needs` has what each
+/// triangle needs of images; it is empty where clusters need no room for textures.
 ///
 /// The same for any number of threads.
 pub fn build(
@@ -195,9 +223,9 @@ pub fn build(
     components: &[Vec<u32>],
     lattice: &Lattice,
     colours: bool,
-    texels: &[f32],
+    needs: &[Need],
 ) -> Layer {
-    let room = if texels.is_empty() {
+    let room = if needs.is_empty() {
         Room::Plain
     } else {
         Room::Textured
@@ -205,7 +233,7 @@ pub fn build(
     let source = leaf::Source {
         mesh,
         lattice,
-        texels,
+        needs,
         room,
         colours,
     };

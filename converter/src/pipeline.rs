@@ -274,17 +274,12 @@ impl Conversion<'_> {
         frame: &Frame,
     ) -> Result<cluster::Layer, ConvertError> {
         self.begin("cluster")?;
-        let mut texels = textures
-            .texels_of(&small.positions, &small.triangles)
+        let mut needs = textures
+            .needs_of(&small.positions, &small.triangles)
             .map_err(|source| self.texture_error(source.into()))?;
-        cluster::refine::refine(small, components, &mut texels, Room::MOST_TEXELS);
-        let mut layer = cluster::build(
-            small,
-            components,
-            &frame.lattice,
-            frame.has_colours,
-            &texels,
-        );
+        cluster::refine::refine(small, components, &mut needs, Room::MOST_TEXELS);
+        let mut layer =
+            cluster::build(small, components, &frame.lattice, frame.has_colours, &needs);
         layer.add_error(frame.decimated.bound);
         // Colours and images may change where the surface does not.
         if !frame.has_colours && !textures.has_images() {

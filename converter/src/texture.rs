@@ -2,7 +2,7 @@
 //!
 //! [`appearance`] is what importers hand over: images, materials, and for every imported triangle its material and its
 //! corners' texture coordinates. [`coarse`] makes vertex colours of it, which the geometry carries through as it does
-//! any others; [`seams`] makes images of plain colours where that would blur them. [`source`] finds, for every triangle of a chart, where in which image it lies; [`density`] how many
+//! any others; [`seams`] makes images of plain colours where that would blur them, [`sparse`] plain colours of images that have next to no texels. [`source`] finds, for every triangle of a chart, where in which image it lies; [`density`] how many
 //! texels that is worth; [`raster`] and [`surround`] sample the chart and what lies beyond its sides; [`pyramid`] filters
 //! and cuts tiles; [`encode`] compresses them; [`build`] does all of this for every chart. Clusters have textures of their own ([`cluster`]).
 //!
@@ -21,5 +21,6 @@ pub mod pyramid;
 pub mod raster;
 pub mod seams;
 pub mod source;
+pub mod sparse;
 pub mod stage;
 pub mod surround;

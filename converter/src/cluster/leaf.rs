@@ -6,12 +6,12 @@
 //! Components follow each other along a Hilbert curve, and fill one leaf after the other. One that does not fit a leaf is halved
 //! until its parts do, which `group` puts together again.
 
-use super::Room;
 use super::bound::{Target, hausdorff};
 use super::creases::{self, Creases};
 use super::graph::Graph;
 use super::group;
 use super::shape::{Shape, Vertex, point};
+use super::{Need, Room};
 use crate::atlas::chart_graph::hilbert_key;
 use crate::atlas::quantize::lattice_from_world;
 use crate::mesh::ManifoldMesh;
@@ -42,8 +42,8 @@ pub struct Source<'a> {
     pub mesh: &'a ManifoldMesh,
     /// Where they are put.
     pub lattice: &'a Lattice,
-    /// Texels of the source's images by triangle; empty without images.
-    pub texels: &'a [f32],
+    /// What triangles need of images; empty without images.
+    pub needs: &'a [Need],
     /// What nodes have room for.
     pub room: Room,
     /// Whether vertices have colours.
@@ -86,6 +86,7 @@ pub(super) fn nodes(source: &Source<'_>, components: &[Vec<u32>]) -> (Graph, Vec
         let is_full = triangles > MAX_CLUSTER_TRIANGLES
             || vertices > MAX_CLUSTER_VERTICES
             || texels + piece.texels > room.texels()
+            || (piece.texels > 0.0) != (texels > 0.0)
             || !fits_together(&shape, &piece.shape, room);
         if is_full && !shape.triangles.is_empty() {
             roots.push(graph.leaf(&std::mem::take(&mut shape), error, colours));
@@ -188,33 +189,66 @@ impl<'a> Component<'a> {
 
     /// Texels of the source's images on some triangles.
     fn texels(&self, triangles: &[u32]) -> f32 {
-        let texels = self.source.texels;
-        let of = |&t: &u32| texels.get(t as usize).copied().unwrap_or(0.0);
-        triangles.iter().map(of).sum()
+        let texels = triangles.iter().filter_map(|&t| self.need(t));
+        texels.map(Need::texels).sum()
+    }
+
+    fn need(&self, triangle: u32) -> Option<Need> {
+        self.source.needs.get(triangle as usize).copied()
+    }
+
+    /// The colour that is all that a triangle needs of an image.
+    fn colour(&self, triangle: u32) -> Option<[u8; 3]> {
+        match self.need(triangle)? {
+            Need::Colour(colour) => Some(colour),
+            Need::Texels(_) => None,
+        }
+    }
+
+    /// What nodes of nothing but these triangles have room for: no image where all are of one colour each.
+    fn room(&self, triangles: &[u32]) -> Room {
+        if triangles.iter().all(|&t| self.colour(t).is_some()) {
+            Room::Plain
+        } else {
+            self.source.room
+        }
     }
 
     fn placed(&self) -> Placed {
         let Source { room, colours, .. } = *self.source;
         // One leaf without creases is better than two with them.
         if self.triangles.len() <= MAX_CLUSTER_TRIANGLES && self.vertices <= MAX_CLUSTER_VERTICES {
+            let own = self.room(self.triangles);
+            let is_mixed =
+                own != Room::Plain && self.triangles.iter().any(|&t| self.colour(t).is_some());
             let piece = |creased| {
                 let piece = self.piece(self.triangles, creased);
-                (piece.shape.fits(room) && piece.texels <= room.texels()).then_some(piece)
+                let fits = piece.shape.fits(own) && piece.texels <= room.texels();
+                (fits && !is_mixed).then_some(piece)
             };
             if let Some(piece) = piece(true).or_else(|| piece(false)) {
                 return Placed::Piece(piece);
             }
         }
-        let pieces = self.pieces(&mut self.triangles.to_vec());
+        let (mut plain, mut textured): (Vec<u32>, Vec<u32>) = self
+            .triangles
+            .iter()
+            .partition(|&&t| self.colour(t).is_some());
+        let mut pieces = Vec::new();
+        for triangles in [&mut textured, &mut plain] {
+            if !triangles.is_empty() {
+                pieces.extend(self.pieces(triangles));
+            }
+        }
         let unit = 1 << self.source.lattice.shift;
         Placed::Graph(group::graph(pieces, unit, colours, room))
     }
 
-    /// Divides `triangles` across their longest extent until the parts fit clusters.
+    /// Divides `triangles`, all or none of which are of one colour each, across their longest extent until the parts fit clusters.
     fn pieces(&self, triangles: &mut [u32]) -> Vec<Piece> {
-        let Source { room, texels, .. } = *self.source;
+        let room = self.room(triangles);
         // An image has the light of creases in it, and they would double the vertices of rough scans.
-        let creased = texels.is_empty();
+        let creased = self.source.needs.is_empty();
         let is_whole = triangles.len() < 2;
         let is_small =
             triangles.len() <= MAX_CLUSTER_TRIANGLES && self.texels(triangles) <= room.texels();
@@ -296,7 +330,9 @@ impl<'a> Component<'a> {
         } else {
             self.mesh.normals[v as usize]
         };
-        let colour = self.mesh.colours.get(v as usize).copied();
+        let colour = self
+            .colour(t)
+            .or_else(|| self.mesh.colours.get(v as usize).copied());
         (
             self.rounded(v),
             octahedral::encode(normal.as_vec3().to_array()),

@@ -3,20 +3,21 @@
 //! The longest edge of such a triangle is halved, in all triangles that have it (those of other sheets, which have their own
 //! copies of its vertices, as well), so nothing comes apart and the surface stays what it was, up to the lattice.
 
+use super::Need;
 use crate::mesh::ManifoldMesh;
 use crate::mesh::adjacency::id;
 use glam::DVec3;
 use std::collections::HashMap;
 
-/// Halves triangles of `components` that have more than `most` texels, of which `texels` says how many each has. The halves join the component of
+/// Halves triangles of `components` that have more than `most` texels, as `needs` says of each. The halves join the component of
 /// the whole. Neighbours are no longer known.
 pub fn refine(
     mesh: &mut ManifoldMesh,
     components: &mut [Vec<u32>],
-    texels: &mut Vec<f32>,
+    needs: &mut Vec<Need>,
     most: f32,
 ) {
-    if texels.iter().all(|&texels| texels <= most) {
+    if needs.iter().all(|need| need.texels() <= most) {
         return;
     }
     let mut component_of = vec![0; mesh.triangles.len()];
@@ -36,7 +37,7 @@ pub fn refine(
     }
     let mut next = 0;
     while next < mesh.triangles.len() {
-        if texels[next] <= most {
+        if needs[next].texels() <= most {
             next += 1;
             continue;
         }
@@ -66,8 +67,8 @@ pub fn refine(
             }
             mesh.triangles[t as usize] = half(ends[0]);
             mesh.triangles.push(half(ends[1]));
-            texels[t as usize] /= 2.0;
-            texels.push(texels[t as usize]);
+            needs[t as usize] = needs[t as usize].halved();
+            needs.push(needs[t as usize]);
             component_of.push(component_of[t as usize]);
         }
         origins += 1;
@@ -127,7 +128,7 @@ mod tests {
     use super::*;
 
     /// A square of two triangles, the first of which has far more texels.
-    fn square() -> (ManifoldMesh, Vec<Vec<u32>>, Vec<f32>) {
+    fn square() -> (ManifoldMesh, Vec<Vec<u32>>, Vec<Need>) {
         let mesh = ManifoldMesh {
             positions: [[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]]
                 .map(|[x, y]| DVec3::new(x, y, 0.0))
@@ -138,15 +139,19 @@ mod tests {
             origin: vec![0, 1, 2, 3],
             ..ManifoldMesh::default()
         };
-        (mesh, vec![vec![0, 1]], vec![1000.0, 10.0])
+        (
+            mesh,
+            vec![vec![0, 1]],
+            [1000.0, 10.0].map(Need::Texels).to_vec(),
+        )
     }
 
     #[test]
     fn halves_cover_what_the_whole_did_without_t_junctions() {
-        let (mut mesh, mut components, mut texels) = square();
-        refine(&mut mesh, &mut components, &mut texels, 70.0);
-        assert!(texels.iter().all(|&texels| texels <= 70.0));
-        assert_eq!(texels.len(), mesh.triangles.len());
+        let (mut mesh, mut components, mut needs) = square();
+        refine(&mut mesh, &mut components, &mut needs, 70.0);
+        assert!(needs.iter().all(|need| need.texels() <= 70.0));
+        assert_eq!(needs.len(), mesh.triangles.len());
         assert_eq!(components[0].len(), mesh.triangles.len());
         let mut area = 0.0;
         let mut open: HashMap<[u32; 2], i32> = HashMap::new();
@@ -178,7 +183,7 @@ mod tests {
     /// Both triangles have their own vertices, as sheets have that were cut apart.
     #[test]
     fn what_was_cut_apart_is_halved_together() {
-        let (mut mesh, _, mut texels) = square();
+        let (mut mesh, _, mut needs) = square();
         for v in [0, 2] {
             mesh.positions.push(mesh.positions[v]);
             mesh.normals.push(mesh.normals[v]);
@@ -187,7 +192,7 @@ mod tests {
         }
         mesh.triangles[1] = [4, 5, 3];
         let mut components = vec![vec![0], vec![1]];
-        refine(&mut mesh, &mut components, &mut texels, 70.0);
+        refine(&mut mesh, &mut components, &mut needs, 70.0);
         let places = |component: &[u32]| -> Vec<[u64; 3]> {
             let corners = component.iter().flat_map(|&t| mesh.triangles[t as usize]);
             let on_cut = corners
@@ -210,10 +215,25 @@ mod tests {
     }
 
     #[test]
+    fn halves_have_the_colour_of_the_whole() {
+        let (mut mesh, mut components, mut needs) = square();
+        needs[1] = Need::Colour([1, 2, 3]);
+        refine(&mut mesh, &mut components, &mut needs, 70.0);
+        let coloured: f64 = (mesh.triangles.iter().zip(&needs))
+            .filter(|(_, need)| **need == Need::Colour([1, 2, 3]))
+            .map(|(t, _)| {
+                let [a, b, c] = t.map(|v| mesh.positions[v as usize]);
+                (b - a).cross(c - a).z / 2.0
+            })
+            .sum();
+        assert!((coloured - 0.5).abs() < 1e-12);
+    }
+
+    #[test]
     fn what_has_few_texels_stays() {
-        let (mut mesh, mut components, mut texels) = square();
+        let (mut mesh, mut components, mut needs) = square();
         let before = mesh.triangles.clone();
-        refine(&mut mesh, &mut components, &mut texels, 1000.0);
+        refine(&mut mesh, &mut components, &mut needs, 1000.0);
         assert_eq!(mesh.triangles, before);
     }
 }

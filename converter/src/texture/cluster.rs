@@ -4,22 +4,22 @@
 //! it. A leaf's texels come from the source's images, about as dense as there; those of a node above from the images of its
 //! children, at the places nearest to its own surface: a pyramid whose levels are those of the clusters ([`mod@bake`] fills both).
 //! Images are kept only until what is above them has its own.
-//! Parts that no image covers keep the colours of their vertices.
+//! Parts that no image covers, or one with next to no texels, keep the colours of their vertices.
 
 pub mod bake;
+mod below;
 pub mod unwrap;
 
-use super::appearance::Wrap;
+use super::appearance::TexturedFace;
 use super::build::TextureError;
 use super::encode;
 use super::images::Texels;
 use super::light::Light;
 use super::raster::Paint;
-use super::source::weights;
-use super::stage::Painter;
+use super::stage::{Face, Painter};
 use bake::{Spot, Steps, bake};
-use glam::{DVec2, DVec3, Vec2, Vec3};
-use marquetry_evaluation::distance::{Bvh, closest_point};
+use below::Below;
+use glam::{DVec3, Vec2, Vec3};
 use marquetry_format::cluster::{ClusterTexture, MAX_TEXTURE_TEXELS};
 use marquetry_format::writer::ClusterInput;
 use marquetry_format::{ClusterMesh, Lattice};
@@ -37,6 +37,9 @@ const GROUPS: usize = 32;
 
 /// Samples of a texel along each side where plain colours may meet in it.
 const BORDER_SAMPLES: u32 = 2;
+
+/// Texels of a node for each triangle of one colour below it.
+const SPARSE_TEXELS: f64 = 32.0;
 
 /// Texels along a length of a node for each of the finest of its children, at most: a node has about the area of four.
 const COARSER: f64 = 0.5;
@@ -59,6 +62,8 @@ struct Painted {
     colours: Vec<Vec3>,
     /// Places of the vertices from the upper left corner of the image, it, and texels a lattice unit.
     image: Option<(Vec<Vec2>, Texels, f64)>,
+    /// Texels a lattice unit that show what has no image, or 0.
+    scale: f64,
     /// What the node is to have in place of its mesh, and the length of its texels, lattice units.
     mesh: Option<(ClusterMesh, f32)>,
 }
@@ -245,12 +250,22 @@ impl Brush<'_> {
     fn leaf(&self, node: &ClusterInput) -> Result<Painted, TextureError> {
         let mut painted = self.plain(&node.mesh);
         let lattice = &self.canvas.lattice;
+        let rounded = lattice.step * f64::from(1u32 << lattice.shift);
         let faces = node.mesh.triangles.iter().map(|t| {
             let corners =
                 t.map(|v| lattice.world_from_lattice(node.mesh.positions[usize::from(v)]));
-            self.canvas.painter.face(corners)
+            self.canvas.painter.face(corners, rounded)
         });
-        let faces: Vec<_> = faces.collect();
+        let faces: Vec<Face> = faces.collect();
+        // A leaf has none of them or nothing else, but where sheets lie on each other some may be taken for others.
+        let sparse = faces.iter().filter(|face| face.is_sparse).count();
+        if 2 * sparse > faces.len() {
+            let area: f64 = painted.triangles.iter().map(|t| painted.area(t)).sum();
+            let texels = SPARSE_TEXELS * painted.triangles.len() as f64;
+            painted.scale = (texels / area.max(f64::MIN_POSITIVE)).sqrt();
+            return Ok(painted);
+        }
+        let faces: Vec<TexturedFace> = faces.iter().map(|face| face.texture).collect();
         let mut images: BTreeMap<u32, Arc<Texels>> = BTreeMap::new();
         for image in faces
             .iter()
@@ -350,6 +365,7 @@ impl Brush<'_> {
             triangles: mesh.triangles.iter().map(|t| t.map(u32::from)).collect(),
             colours: (0..mesh.positions.len()).map(colour).collect(),
             image: None,
+            scale: 0.0,
             mesh: None,
         }
     }
@@ -393,99 +409,4 @@ fn finish(
     let texel = (1.0 / laid_out.scale) as f32;
     painted.mesh = Some((mesh, texel));
     Ok(())
-}
-
-/// The children of a node as one surface with colours.
-struct Below<'a> {
-    tree: Bvh,
-    /// Child and triangle of every triangle of the tree.
-    of: Vec<(usize, usize)>,
-    children: &'a [Painted],
-}
-
-impl<'a> Below<'a> {
-    fn new(children: &'a [Painted]) -> Option<Self> {
-        let (mut positions, mut triangles, mut of) = (Vec::new(), Vec::new(), Vec::new());
-        for (number, child) in children.iter().enumerate() {
-            let first = u32::try_from(positions.len()).ok()?;
-            positions.extend_from_slice(&child.positions);
-            triangles.extend(child.triangles.iter().map(|t| t.map(|v| first + v)));
-            of.extend((0..child.triangles.len()).map(|t| (number, t)));
-        }
-        let tree = Bvh::new(&positions, &triangles).ok()?;
-        (!tree.is_empty()).then_some(Self { tree, of, children })
-    }
-
-    /// Most texels a lattice unit of an image; 0 where there is none.
-    fn finest(&self) -> f64 {
-        let images = self
-            .children
-            .iter()
-            .filter_map(|child| child.image.as_ref());
-        images.map(|(_, _, scale)| *scale).fold(0.0, f64::max)
-    }
-
-    /// Corners of a triangle of the tree, and the child that it is of.
-    fn triangle(&self, number: u32) -> Option<(&'a Painted, [u32; 3])> {
-        let &(child, triangle) = self.of.get(number as usize)?;
-        let child = self.children.get(child)?;
-        Some((child, *child.triangles.get(triangle)?))
-    }
-
-    /// The triangle nearest to `point`, and the nearest point of it. `found_last` is what was: texels side by side mostly have the
-    /// same triangle.
-    fn nearest(&self, point: DVec3, found_last: &Cell<Option<u32>>) -> Option<(u32, DVec3)> {
-        let last = found_last.get().and_then(|number| {
-            let (child, corners) = self.triangle(number)?;
-            let corners = corners.map(|v| child.positions[v as usize]);
-            Some((number, closest_point(corners, point)))
-        });
-        let within = last.map_or(f64::INFINITY, |(_, found)| found.distance_squared(point));
-        let found = self.tree.closest(point, within);
-        let nearest = found.map(|found| (found.triangle, found.point)).or(last);
-        found_last.set(nearest.map(|(number, _)| number));
-        nearest
-    }
-
-    /// The colour nearest to `point`, as a texel of which there are `scale` a unit of length shows it.
-    fn colour(
-        &self,
-        point: DVec3,
-        scale: f64,
-        light: &Light,
-        found_last: &Cell<Option<u32>>,
-    ) -> Vec3 {
-        let nearest = self.nearest(point, found_last);
-        let found = nearest.and_then(|(number, found)| Some((self.triangle(number)?, found)));
-        let Some(((child, corners), found)) = found else {
-            return Vec3::ZERO;
-        };
-        let weights = weights_within(corners.map(|v| child.positions[v as usize]), found);
-        let Some((places, image, own_scale)) = &child.image else {
-            let [a, b, c] = corners.map(|v| child.colours[v as usize]);
-            return a + (b - a) * weights.x + (c - a) * weights.y;
-        };
-        let [a, b, c] = corners.map(|v| places[v as usize]);
-        let place = a + (b - a) * weights.x + (c - a) * weights.y;
-        #[expect(clippy::cast_possible_truncation, reason = "a ratio")]
-        let half = (0.25 * own_scale / scale) as f32;
-        let around = [[-half, -half], [half, -half], [-half, half], [half, half]];
-        around
-            .into_iter()
-            .map(|offset| image.sample(light, place + Vec2::from_array(offset), [Wrap::Clamp; 2]))
-            .sum::<Vec3>()
-            / 4.0
-    }
-}
-
-/// Weights of the second and third corner at a point of a triangle; of a flat one some that are near.
-fn weights_within(corners: [DVec3; 3], point: DVec3) -> Vec2 {
-    let weights = weights(corners, point);
-    if weights.is_finite() {
-        let weights = weights.max(DVec2::ZERO);
-        return (weights / weights.element_sum().max(1.0)).as_vec2();
-    }
-    let [a, b, _] = corners;
-    let along = (point - a).dot(b - a) / (b - a).length_squared().max(f64::MIN_POSITIVE);
-    DVec2::new(along.clamp(0.0, 1.0), 0.0).as_vec2()
 }

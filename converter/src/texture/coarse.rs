@@ -13,20 +13,11 @@ use rayon::prelude::*;
 /// Samples of a triangle at most.
 const MOST_SAMPLES: u32 = 16;
 
-/// The colour of every vertex of `mesh`, whose triangles `appearance` covers: texture times factor times the vertex colour there
+/// The colour of every vertex of `mesh`, whose triangles have the [`face_means`] `means`: these times the vertex colour there
 /// was. Vertices of untextured triangles keep theirs.
-///
-/// # Errors
-/// When an image is damaged.
-pub fn vertex_colours(
-    mesh: &ImportedMesh,
-    appearance: &Appearance,
-    images: &ImageStore<'_>,
-    light: &Light,
-) -> Result<Vec<[u8; 3]>, ImageError> {
-    let means = face_means(appearance, images, light)?;
+pub fn vertex_colours(mesh: &ImportedMesh, means: &[Option<Vec3>], light: &Light) -> Vec<[u8; 3]> {
     let mut sums = vec![(Vec3::ZERO, 0.0f32); mesh.positions.len()];
-    for (triangle, mean) in mesh.triangles.iter().zip(&means) {
+    for (triangle, mean) in mesh.triangles.iter().zip(means) {
         let Some(mean) = mean else { continue };
         let [a, b, c] = triangle.map(|v| mesh.positions[v as usize]);
         #[expect(clippy::cast_possible_truncation, reason = "a weight")]
@@ -43,8 +34,7 @@ pub fn vertex_colours(
         }
     }
     let own = |v: usize| mesh.colours.get(v).copied().unwrap_or([255; 3]);
-    Ok(sums
-        .iter()
+    sums.iter()
         .enumerate()
         .map(|(v, (sum, weight))| {
             if *weight > 0.0 {
@@ -53,11 +43,14 @@ pub fn vertex_colours(
                 own(v)
             }
         })
-        .collect())
+        .collect()
 }
 
-/// The mean colour of every textured face, without vertex colours. Each image is decoded once.
-fn face_means(
+/// The mean colour of every textured face, texture times factor without vertex colours. Each image is decoded once.
+///
+/// # Errors
+/// When an image is damaged.
+pub fn face_means(
     appearance: &Appearance,
     images: &ImageStore<'_>,
     light: &Light,

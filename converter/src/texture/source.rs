@@ -2,15 +2,18 @@
 //!
 //! A triangle of a patch is a piece of a source triangle, so one look-up by its centre serves all its texels: the source triangle
 //! nearest to it, and the corners' texture coordinates by its plane. Nothing has to be carried through welding, cutting
-//! and layout for that.
+//! and layout for that. Scans have sheets that lie on each other: of triangles about as near to the centre the one is taken that
+//! has the corners on it, at its own corners if there are several, and of triangles that coincide the last, which a viewer draws over the others.
 //!
-//! Limits: of source triangles that coincide, any one is taken; a patch triangle that closes a hole gets the colour of the
-//! nearest triangle beside it.
+//! Limit: a patch triangle that closes a hole gets the colour of the nearest triangle beside it.
 
 use super::appearance::{Appearance, NO_MATERIAL, TexturedFace};
 use crate::atlas::patch::Patch;
 use glam::{DVec2, DVec3, Vec2};
-use marquetry_evaluation::distance::{Bvh, MeshError};
+use marquetry_evaluation::distance::{Bvh, MeshError, closest_point};
+
+/// Part of the size of a triangle that numbers may be off by.
+const TINY: f64 = 1e-6;
 
 /// The imported triangles, to be found by place.
 #[derive(Debug)]
@@ -44,33 +47,100 @@ impl SourceMesh {
         })
     }
 
+    fn corners(&self, number: u32) -> [DVec3; 3] {
+        self.triangles[number as usize].map(|v| self.positions[v as usize])
+    }
+
+    /// The number of the triangle that one with these corners, which may be `rounded` by so much, is a piece of.
+    pub fn piece_of(&self, corners: [DVec3; 3], rounded: f64) -> Option<u32> {
+        let centre = (corners[0] + corners[1] + corners[2]) / 3.0;
+        let nearest = self.bvh.closest(centre, f64::INFINITY)?;
+        let size: f64 = corners.map(|p| p.distance(centre)).iter().sum();
+        let slack = 2.0 * (nearest.distance2.sqrt() + rounded) + TINY * size;
+        let mut near: Vec<(u32, Likeness)> = self
+            .bvh
+            .within(centre, slack * slack)
+            .iter()
+            .filter_map(|found| self.numbers.get(found.triangle as usize))
+            .map(|&number| (number, Likeness::new(corners, self.corners(number))))
+            .collect();
+        let least = |of: fn(&Likeness) -> f64, near: &[(u32, Likeness)]| {
+            near.iter()
+                .map(|(_, l)| of(l))
+                .fold(f64::INFINITY, f64::min)
+        };
+        let off = least(|l| l.off, &near);
+        near.retain(|(_, l)| l.off <= off + slack);
+        if near.iter().any(|(_, l)| l.is_front) {
+            near.retain(|(_, l)| l.is_front);
+        }
+        let apart = least(|l| l.apart, &near);
+        near.retain(|(_, l)| l.apart <= apart + slack);
+        near.iter().map(|&(number, _)| number).max()
+    }
+
     /// What covers every triangle of `patch`.
     pub fn faces_of(&self, patch: &Patch, appearance: &Appearance) -> Vec<TexturedFace> {
         let corners = |t: &[u32; 3]| t.map(|v| patch.positions[v as usize]);
         patch
             .triangles
             .iter()
-            .map(|t| self.face(corners(t), appearance))
+            .map(|t| {
+                let corners = corners(t);
+                self.texture(self.piece_of(corners, 0.0), corners, appearance)
+            })
             .collect()
     }
 
-    /// What covers a triangle that is a piece of a source triangle.
-    pub fn face(&self, corners: [DVec3; 3], appearance: &Appearance) -> TexturedFace {
-        let centre = (corners[0] + corners[1] + corners[2]) / 3.0;
+    /// What the source triangle of a `number` has on a piece of it.
+    pub fn texture(
+        &self,
+        number: Option<u32>,
+        corners: [DVec3; 3],
+        appearance: &Appearance,
+    ) -> TexturedFace {
         let face = || {
-            let found = self.bvh.closest(centre, f64::INFINITY)?;
-            let number = *self.numbers.get(found.triangle as usize)? as usize;
-            let source = appearance.faces.get(number)?;
+            let number = number?;
+            let source = appearance.faces.get(number as usize)?;
             if source.material == NO_MATERIAL {
                 return None;
             }
-            let own = self.triangles[number].map(|v| self.positions[v as usize]);
+            let own = self.corners(number);
             Some(TexturedFace {
                 material: source.material,
                 uv: corners.map(|p| carried(own, source.uv, p)),
             })
         };
         face().unwrap_or(TexturedFace::PLAIN)
+    }
+}
+
+/// How far a piece is from a source triangle; the least is its own.
+#[derive(Debug, Clone, Copy)]
+struct Likeness {
+    /// Largest distance of a corner from the triangle.
+    off: f64,
+    /// Whether both look into one direction.
+    is_front: bool,
+    /// Sum of the distances of corners from the triangle's nearest ones.
+    apart: f64,
+}
+
+impl Likeness {
+    fn new(piece: [DVec3; 3], source: [DVec3; 3]) -> Self {
+        let nearest = |p: DVec3| {
+            let distances = source.map(|q| q.distance(p));
+            distances.into_iter().fold(f64::INFINITY, f64::min)
+        };
+        let normal = |[a, b, c]: [DVec3; 3]| (b - a).cross(c - a);
+        Self {
+            off: piece
+                .map(|p| closest_point(source, p).distance(p))
+                .into_iter()
+                .fold(0.0, f64::max),
+            is_front: normal(piece).dot(normal(source)) >= 0.0,
+            apart: piece.map(nearest).iter().sum(),
+        }
     }
 }
 
@@ -130,5 +200,25 @@ mod tests {
             ]
         );
         assert_eq!(faces[1], TexturedFace::PLAIN);
+    }
+
+    #[test]
+    fn of_triangles_that_lie_on_each_other_a_piece_is_of_its_own() {
+        let small = [DVec3::ZERO, DVec3::X, DVec3::Y];
+        let large = small.map(|p| 6.0 * p - DVec3::new(2.0, 2.0, 0.0));
+        let [a, b, c] = small;
+        let corners = [large, small, [a, c, b], large, small];
+        let triangles = (0..5).map(|k| [3 * k, 3 * k + 1, 3 * k + 2]).collect();
+        let source = SourceMesh::new(corners.as_flattened().to_vec(), triangles).unwrap();
+        // The last of those that coincide; the back only where there is no front.
+        for (rounded, off) in [(0.0, 0.0), (1e-3, 8e-4)] {
+            let moved = |t: [DVec3; 3]| t.map(|p| p + DVec3::new(off, -off, off));
+            assert_eq!(source.piece_of(moved(small), rounded), Some(4));
+            assert_eq!(source.piece_of(moved([a, c, b]), rounded), Some(2));
+            assert_eq!(source.piece_of(moved(large), rounded), Some(3));
+            // No other has all of it.
+            let piece = [DVec3::ZERO, 3.0 * DVec3::X, DVec3::Y];
+            assert_eq!(source.piece_of(moved(piece), rounded), Some(3));
+        }
     }
 }

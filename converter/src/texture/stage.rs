@@ -9,7 +9,9 @@ use super::images::{ImageError, ImageStore};
 use super::light::Light;
 use super::seams;
 use super::source::SourceMesh;
+use super::sparse::{self, Sparse};
 use crate::atlas::patch::Patch;
+use crate::cluster::Need;
 use crate::mesh::ImportedMesh;
 use crate::parameterize::Parametrization;
 use glam::DVec3;
@@ -26,6 +28,7 @@ pub struct Textures {
     appearance: Appearance,
     /// The imported triangles, where an image is on them.
     source: Option<SourceMesh>,
+    sparse: Sparse,
     image_budget_bytes: u64,
     /// Images of the input, and their bytes.
     images: (usize, u64),
@@ -38,14 +41,29 @@ pub struct Painter<'a> {
     pub source: &'a SourceMesh,
     /// What covers them.
     pub appearance: &'a Appearance,
+    /// Those with next to no texels.
+    pub sparse: &'a Sparse,
     /// Their images.
     pub images: &'a ImageStore<'a>,
 }
 
+/// What covers a triangle.
+#[derive(Debug, Clone, Copy)]
+pub struct Face {
+    /// Its texture.
+    pub texture: TexturedFace,
+    /// Whether that has next to no texels.
+    pub is_sparse: bool,
+}
+
 impl Painter<'_> {
-    /// What covers a triangle that is a piece of a source triangle.
-    pub fn face(&self, corners: [DVec3; 3]) -> TexturedFace {
-        self.source.face(corners, self.appearance)
+    /// What covers a triangle that is a piece of a source triangle, its corners `rounded` by so much.
+    pub fn face(&self, corners: [DVec3; 3], rounded: f64) -> Face {
+        let number = self.source.piece_of(corners, rounded);
+        Face {
+            texture: self.source.texture(number, corners, self.appearance),
+            is_sparse: number.is_some_and(|number| self.sparse.contains_key(&number)),
+        }
     }
 }
 
@@ -79,6 +97,7 @@ impl Textures {
         let appearance = std::mem::take(&mut mesh.appearance);
         let mut textures = Self {
             source: None,
+            sparse: Sparse::new(),
             image_budget_bytes: memory_bytes / IMAGE_SHARE,
             images: (appearance.images.len(), appearance.image_bytes()),
             appearance,
@@ -89,7 +108,14 @@ impl Textures {
         if textures.appearance.has_colours() {
             let images = textures.images();
             let light = Light::new();
-            let colours = coarse::vertex_colours(mesh, &textures.appearance, &images, &light)?;
+            let means = coarse::face_means(&textures.appearance, &images, &light)?;
+            let colours = coarse::vertex_colours(mesh, &means, &light);
+            if mesh.colours.is_empty() {
+                let sizes = build::image_sizes(&textures.appearance)?;
+                let surface = (&*mesh.positions, &*mesh.triangles);
+                textures.sparse =
+                    sparse::find(surface, &textures.appearance, &sizes, &means, &light);
+            }
             seams::sharpen(mesh, &mut textures.appearance, &light);
             mesh.colours = colours;
         }
@@ -130,30 +156,35 @@ impl Textures {
         Ok(tiles.iter().any(Option::is_some).then_some(tiles))
     }
 
-    /// Texels of the source's images on each of some triangles; empty where nothing is textured.
+    /// What each of some triangles needs of images; empty where nothing is textured.
     ///
     /// # Errors
     /// When the header of an image is damaged.
-    pub fn texels_of(
+    pub fn needs_of(
         &self,
         positions: &[DVec3],
         triangles: &[[u32; 3]],
-    ) -> Result<Vec<f32>, ImageError> {
+    ) -> Result<Vec<Need>, ImageError> {
         let Some(source) = &self.source else {
             return Ok(Vec::new());
         };
         let sizes = build::image_sizes(&self.appearance)?;
-        let texels = |t: &[u32; 3]| {
-            let face = source.face(t.map(|v| positions[v as usize]), &self.appearance);
+        let texels = |face: TexturedFace| {
             let image = self.appearance.image_of(&face)?;
             let size = (*sizes.get(image as usize)?)?;
             let [a, b, c] = face.uv.map(|uv| uv * size);
             Some(0.5 * (b - a).perp_dot(c - a).abs())
         };
-        Ok(triangles
-            .par_iter()
-            .map(|t| texels(t).unwrap_or(0.0))
-            .collect())
+        let need = |t: &[u32; 3]| {
+            let corners = t.map(|v| positions[v as usize]);
+            let number = source.piece_of(corners, 0.0);
+            if let Some(colour) = number.and_then(|number| self.sparse.get(&number)) {
+                return Need::Colour(*colour);
+            }
+            let face = source.texture(number, corners, &self.appearance);
+            Need::Texels(texels(face).unwrap_or(0.0))
+        };
+        Ok(triangles.par_iter().map(need).collect())
     }
 
     /// Gives each of `nodes` its texture; nothing where nothing is textured.
@@ -172,6 +203,7 @@ impl Textures {
         let painter = Painter {
             source,
             appearance: &self.appearance,
+            sparse: &self.sparse,
             images: &self.images(),
         };
         let canvas = Canvas {

@@ -245,6 +245,36 @@ impl Bvh {
         if (*hint as usize) < self.triangles.len() && near(*hint) {
             return true;
         }
+        let found = self.find_near(point, max_distance2, |slot| near(slot).then_some(slot));
+        *hint = found.unwrap_or(*hint);
+        found.is_some()
+    }
+
+    /// All triangles that are no farther from `point` than the root of `max_distance2`, ascending.
+    pub fn within(&self, point: DVec3, max_distance2: f64) -> Vec<Closest> {
+        let mut all = Vec::new();
+        if !self.nodes.is_empty() && point.is_finite() {
+            let _: Option<()> = self.find_near(point, max_distance2, |slot| {
+                let found = self.found(slot, point);
+                if found.distance2 <= max_distance2 {
+                    all.push(self.told(&found));
+                }
+                None
+            });
+        }
+        // The tree may have parts of one in several places.
+        all.sort_unstable_by_key(|found| found.triangle);
+        all.dedup_by_key(|found| found.triangle);
+        all
+    }
+
+    /// The first that `wanted` says of triangles in boxes no farther from `point` than the root of `max_distance2`, near ones mostly first.
+    fn find_near<T>(
+        &self,
+        point: DVec3,
+        max_distance2: f64,
+        mut wanted: impl FnMut(u32) -> Option<T>,
+    ) -> Option<T> {
         let in_frame = self.frame.apply(point);
         let bound2 = max_distance2 * self.frame.scale * self.frame.scale * SLACK;
         let mut stack = [0_u32; STACK];
@@ -263,13 +293,12 @@ impl Bvh {
                 if count == 0 {
                     stack[depth] = from;
                     depth += 1;
-                } else if let Some(slot) = (from..from + count).find(|&slot| near(slot)) {
-                    *hint = slot;
-                    return true;
+                } else if let Some(found) = (from..from + count).find_map(&mut wanted) {
+                    return Some(found);
                 }
             }
         }
-        false
+        None
     }
 
     /// Whether any triangle, seen from either side, meets the segment from `start` to `end`.

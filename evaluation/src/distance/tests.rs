@@ -105,6 +105,19 @@ fn tree_finds_what_brute_force_finds() {
             assert!(tree.is_within(point, expected, &mut hint));
             assert!(tree.is_within(point, expected, &mut hint));
             assert!(!tree.is_within(point, expected.next_down(), &mut hint));
+            let within = |max: f64| -> Vec<u32> {
+                tree.within(point, max).iter().map(|f| f.triangle).collect()
+            };
+            let numbered = (0u32..).zip(&triangles);
+            let near = numbered.filter(|(_, t)| {
+                let corners = t.map(|v| positions[v as usize]);
+                closest_point(corners, point).distance_squared(point) <= 1.5 * expected
+            });
+            assert_eq!(
+                within(1.5 * expected),
+                near.map(|(n, _)| n).collect::<Vec<_>>()
+            );
+            assert!(within(expected.next_down()).is_empty());
             let mesh = Mesh {
                 positions: &positions,
                 triangles: &triangles,

@@ -10,6 +10,7 @@
 //! nothing is listed that was not just seen.
 
 mod cache;
+mod hot;
 mod local;
 mod name;
 mod open_file;
@@ -26,6 +27,7 @@ use crate::metrics::Metrics;
 use cache::BlockCache;
 use futures_util::StreamExt;
 use futures_util::future::{BoxFuture, FutureExt, Shared};
+use hot::HotBlocks;
 use hyper::body::Bytes;
 use marquetry_format::Error;
 use remote::RemoteVersion;
@@ -97,6 +99,7 @@ type Flight = Shared<BoxFuture<'static, LookUp>>;
 #[derive(Debug)]
 pub(crate) struct Sources {
     roots: Vec<Root>,
+    hot: Arc<HotBlocks>,
     refresh: Duration,
     known: RwLock<HashMap<String, Arc<Known>>>,
     /// Remote look-ups under way, by name.
@@ -150,12 +153,14 @@ impl Sources {
         metrics: &Arc<Metrics>,
     ) -> Result<Self, ServerError> {
         let cache = Arc::new(BlockCache::new(upstream.cache, Arc::clone(metrics)));
+        let hot = Arc::<HotBlocks>::default();
         let mut roots = Vec::new();
         for path in paths {
-            roots.push(Root::new(path, upstream, &cache, metrics).await?);
+            roots.push(Root::new(path, upstream, &cache, &hot, metrics).await?);
         }
         Ok(Self {
             roots,
+            hot,
             refresh: upstream.refresh,
             known: RwLock::default(),
             flights: Mutex::default(),
@@ -297,7 +302,7 @@ impl Sources {
                     _ => {}
                 }
             }
-            return match root.open(&place, &version).await {
+            return match root.open(&place, &version, &self.hot).await {
                 Ok(Some(file)) => {
                     let file = Arc::new(file);
                     self.keep(name, Some(place), What::Open(Arc::clone(&file)));
@@ -405,7 +410,7 @@ impl Sources {
         {
             return facts.clone();
         }
-        let facts = match root.open(place, &version).await {
+        let facts = match root.open(place, &version, &self.hot).await {
             Ok(file) => Some(Arc::new(file?.facts())),
             Err(error) => {
                 tracing::warn!(%place, %error, "not served");

@@ -26,10 +26,16 @@ pub(crate) struct BlockCache {
 
 #[derive(Debug, Default)]
 struct State {
+    blocks: Lru,
+    fetching: HashMap<Key, Fetch>,
+}
+
+/// Blocks, of which the least recently used goes first.
+#[derive(Debug, Default)]
+pub(super) struct Lru {
     blocks: HashMap<Key, (u64, Bytes)>,
     /// Key by the time of its last use.
     order: BTreeMap<u64, Key>,
-    fetching: HashMap<Key, Fetch>,
     bytes: u64,
     clock: u64,
 }
@@ -50,7 +56,7 @@ impl BlockCache {
 
     /// Block `key` if it is here.
     pub(super) fn get(&self, key: Key) -> Option<Bytes> {
-        let bytes = self.state().touch(key)?;
+        let bytes = self.state().blocks.touch(key)?;
         self.metrics.upstream.hits.add();
         Some(bytes)
     }
@@ -66,7 +72,7 @@ impl BlockCache {
     {
         let shared = {
             let mut state = self.state();
-            if let Some(bytes) = state.touch(key) {
+            if let Some(bytes) = state.blocks.touch(key) {
                 self.metrics.upstream.hits.add();
                 return Ok(bytes);
             }
@@ -96,19 +102,26 @@ impl BlockCache {
         let mut state = self.state();
         state.fetching.remove(&key);
         if let Some(bytes) = bytes {
-            state.insert(key, bytes.clone(), self.capacity);
+            state.blocks.insert(key, bytes.clone(), self.capacity);
         }
-        (self.metrics.upstream.cached_bytes).store(state.bytes, Relaxed);
+        (self.metrics.upstream.cached_bytes).store(state.blocks.bytes, Relaxed);
     }
 
     /// Forgets block `key`, which turned out to be wrong.
     pub(super) fn forget(&self, key: Key) {
-        self.state().remove(key);
+        self.state().blocks.remove(key);
     }
 }
 
-impl State {
-    fn touch(&mut self, key: Key) -> Option<Bytes> {
+impl Lru {
+    /// Bytes of all blocks.
+    #[cfg(test)]
+    pub(super) fn bytes(&self) -> u64 {
+        self.bytes
+    }
+
+    /// Block `key`, which was used now.
+    pub(super) fn touch(&mut self, key: Key) -> Option<Bytes> {
         let (used, bytes) = self.blocks.get_mut(&key)?;
         self.clock += 1;
         self.order.remove(used);
@@ -117,7 +130,8 @@ impl State {
         Some(bytes.clone())
     }
 
-    fn insert(&mut self, key: Key, bytes: Bytes, capacity: u64) {
+    /// Keeps block `key`, and lets others go until there are at most `capacity` bytes.
+    pub(super) fn insert(&mut self, key: Key, bytes: Bytes, capacity: u64) {
         self.remove(key);
         self.clock += 1;
         self.bytes += bytes.len() as u64;
@@ -171,9 +185,9 @@ mod tests {
         // Larger than everything: given out, not kept.
         put(&cache, (2, 0), 1000).await;
         {
-            let state = cache.state();
-            assert!(state.bytes <= 100);
-            assert_eq!(state.order.len(), state.blocks.len());
+            let kept = &cache.state().blocks;
+            assert!(kept.bytes <= 100);
+            assert_eq!(kept.order.len(), kept.blocks.len());
         }
         cache.forget((1, 0));
         assert!(cache.get((1, 0)).is_none());

@@ -11,6 +11,7 @@ use std::io;
 use std::ops::Range;
 use std::path::Path;
 use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 use std::time::SystemTime;
 
 /// What tells one version of a file from the next. Two versions written within the resolution of the
@@ -50,7 +51,11 @@ impl Version {
 pub(crate) struct LocalFile {
     file: File,
     version: Version,
+    serial: u64,
 }
+
+/// Files opened so far.
+static OPENED: AtomicU64 = AtomicU64::new(0);
 
 impl LocalFile {
     /// Opens `path`. With a `root`, refuses what lies outside of it, wherever links lead.
@@ -80,7 +85,16 @@ impl LocalFile {
                 return Err(io::ErrorKind::NotFound.into());
             }
         }
-        Ok(Self { file, version })
+        Ok(Self {
+            file,
+            version,
+            serial: OPENED.fetch_add(1, Relaxed),
+        })
+    }
+
+    /// A number that no other handle has.
+    pub(super) fn serial(&self) -> u64 {
+        self.serial
     }
 
     pub(crate) fn version(&self) -> Version {

@@ -1,6 +1,7 @@
 //! One open file: one version of it, wherever it lies, and what its front says.
 
 use super::ReadError;
+use super::hot::HotBlocks;
 use super::local::LocalFile;
 use super::remote::{RemoteObject, RemoteVersion, Store};
 use crate::conditional::whole_seconds;
@@ -17,21 +18,21 @@ const THUMBNAIL: u32 = marquetry_format::header::SectionKind::Thumbnail as u32;
 /// Where the bytes of one version are.
 #[derive(Debug)]
 pub(super) enum Handle {
-    Local(Arc<LocalFile>),
+    Local(Arc<LocalFile>, Arc<HotBlocks>),
     Remote(Arc<RemoteObject>),
 }
 
 impl Handle {
     fn length(&self) -> u64 {
         match self {
-            Self::Local(file) => file.length(),
+            Self::Local(file, _) => file.length(),
             Self::Remote(object) => object.version().length(),
         }
     }
 
     fn modified(&self) -> Option<SystemTime> {
         match self {
-            Self::Local(file) => file.modified(),
+            Self::Local(file, _) => file.modified(),
             Self::Remote(object) => object.version().modified(),
         }
     }
@@ -63,8 +64,8 @@ pub(crate) enum PagesError {
 
 impl OpenFile {
     /// Opens a file on disk, and makes sure that it was written to its end.
-    pub(super) async fn local(file: LocalFile) -> Result<Self, ReadError> {
-        let file = Self::open(Handle::Local(Arc::new(file))).await?;
+    pub(super) async fn local(file: LocalFile, hot: &Arc<HotBlocks>) -> Result<Self, ReadError> {
+        let file = Self::open(Handle::Local(Arc::new(file), Arc::clone(hot))).await?;
         file.check_end().await?;
         Ok(file)
     }
@@ -170,7 +171,7 @@ impl OpenFile {
     /// The file on disk, if it is one.
     pub(super) fn as_local(&self) -> Option<&LocalFile> {
         match &self.handle {
-            Handle::Local(file) => Some(file),
+            Handle::Local(file, _) => Some(file),
             Handle::Remote(_) => None,
         }
     }
@@ -178,7 +179,7 @@ impl OpenFile {
     /// The version of the object, if it is one.
     pub(super) fn remote_version(&self) -> Option<&RemoteVersion> {
         match &self.handle {
-            Handle::Local(_) => None,
+            Handle::Local(..) => None,
             Handle::Remote(object) => Some(object.version()),
         }
     }
@@ -186,7 +187,7 @@ impl OpenFile {
     /// Where a read from `start` should end at the latest, so that it copies nothing.
     pub(crate) fn convenient_end(&self, start: u64) -> u64 {
         match &self.handle {
-            Handle::Local(_) => u64::MAX,
+            Handle::Local(..) => HotBlocks::end_of_block(start),
             Handle::Remote(_) => RemoteObject::end_of_block(start),
         }
     }
@@ -199,7 +200,7 @@ impl OpenFile {
     /// As [`OpenFile::read`], where that does not have to wait.
     pub(crate) fn read_now(&self, range: &Range<u64>) -> Option<Result<Bytes, ReadError>> {
         match &self.handle {
-            Handle::Local(file) => file.read_now(range),
+            Handle::Local(file, hot) => hot.read_now(file, range),
             Handle::Remote(object) => object.read_now(range).map(Ok),
         }
     }
@@ -415,7 +416,7 @@ pub(crate) struct Facts {
 
 async fn read(handle: &Handle, range: Range<u64>) -> Result<Bytes, ReadError> {
     match handle {
-        Handle::Local(file) => match file.read_now(&range) {
+        Handle::Local(file, hot) => match hot.read_now(file, &range) {
             Some(result) => result,
             None => file.read_later(range).await,
         },

@@ -1,6 +1,7 @@
 //! The places that files are looked for in.
 
 use super::cache::BlockCache;
+use super::hot::HotBlocks;
 use super::local::{self, LocalFile};
 use super::name::{self, FileName};
 use super::open_file::OpenFile;
@@ -49,6 +50,7 @@ impl Root {
         path: &Path,
         upstream: &Upstream,
         cache: &Arc<BlockCache>,
+        hot: &Arc<HotBlocks>,
         metrics: &Arc<Metrics>,
     ) -> Result<Self, ServerError> {
         if let Some(url) = path.to_str().filter(|text| remote::is_remote(text)) {
@@ -71,7 +73,7 @@ impl Root {
                 path: path.to_owned(),
             })?;
         let file = LocalFile::open(path, None).map_err(error)?;
-        OpenFile::local(file)
+        OpenFile::local(file, hot)
             .await
             .map_err(|source| ServerError::File {
                 path: path.to_owned(),
@@ -132,6 +134,7 @@ impl Root {
         &self,
         place: &Place,
         version: &Version,
+        hot: &Arc<HotBlocks>,
     ) -> Result<Option<OpenFile>, ReadError> {
         match (self, place, version) {
             (Self::Store(store), Place::Remote(_, relative), Version::Remote(version)) => {
@@ -148,7 +151,7 @@ impl Root {
                 let open = move || LocalFile::open(&path, root.as_deref());
                 let opened = tokio::task::spawn_blocking(open).await;
                 match opened.unwrap_or_else(|error| Err(io::Error::other(error))) {
-                    Ok(file) => OpenFile::local(file).await.map(Some),
+                    Ok(file) => OpenFile::local(file, hot).await.map(Some),
                     Err(error) if is_absent(&error) => Ok(None),
                     Err(error) => Err(error.into()),
                 }

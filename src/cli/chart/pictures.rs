@@ -28,7 +28,7 @@ const TIMED_IN_SOFTWARE: usize = 3;
 const NEARBY: f64 = 2.1;
 /// Pixels of the reference, each way, in place of one, as far as it gets no larger than what every device draws.
 const REFINED: u32 = 4;
-const LARGEST: u32 = 8192;
+pub(super) const LARGEST: u32 = 8192;
 /// Of the pictures; no lit surface has it.
 pub(super) const BACKGROUND: Background = Background([0x20, 0x22, 0x26]);
 

@@ -21,6 +21,20 @@ impl Shot {
         Ok(Self { picture, mask })
     }
 
+    /// What a picture that is `factor` times as wide and high shows: every pixel the mean of several.
+    pub(super) fn shrunk(
+        large: &Picture,
+        factor: u32,
+        background: [u8; 3],
+    ) -> anyhow::Result<Self> {
+        let picture = Picture {
+            width: large.width / factor,
+            height: large.height / factor,
+            rgba: image::shrunk(image_of(large)?, usize::try_from(factor)?)?,
+        };
+        Self::new(picture, background)
+    }
+
     /// The same with the pixels of a picture that is `factor` times as wide and high.
     pub(super) fn refined(&self, large: &Picture, factor: usize) -> anyhow::Result<Self> {
         let rgba = image::shrunk(image_of(large)?, factor)?;

@@ -99,7 +99,7 @@ impl<'a> Flight<'a> {
     /// With all pages that the row takes.
     fn new(studio: &'a Studio<'a>, transition: Transition) -> anyhow::Result<Self> {
         let farthest = NEAREST + APART * INSTANCES[INSTANCES.len() - 1] as f64;
-        let session = transitions::loaded(studio, transition, 0, farthest)?;
+        let session = transitions::loaded(studio, transition, 0, farthest, 1)?;
         Ok(Self { studio, session })
     }
 

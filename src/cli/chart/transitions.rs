@@ -7,10 +7,10 @@
 //! Limit: one model; what many cost is in [`super::row`].
 
 use super::data::TransitionPoint;
-use super::pictures::{BACKGROUND, Studio, looks, refined};
+use super::pictures::{BACKGROUND, LARGEST, Studio, looks};
 use super::quality::Shot;
 use super::split::SplitMesh;
-use marquetry_engine::{Camera, Transition, ViewerOptions};
+use marquetry_engine::{Camera, Transition, ViewerOptions, Viewport};
 use marquetry_evaluation::popping::{Popping, Spread};
 use marquetry_native::mesh::MeshTexture;
 use marquetry_native::{MeshPainter, Session};
@@ -36,8 +36,9 @@ const STRIDE: usize = 50;
 const NEARER: f64 = 1.5;
 /// Screen-space error, pixels: coarse enough for changes to be seen.
 const ERROR_PX: f64 = 2.0;
-/// Pixels of the reference, each way, in place of one.
-const REFINED: u32 = 2;
+/// Pixels that are drawn, each way, in place of one, of the file and of the reference: edges that move by a part of a pixel are
+/// change from frame to frame as well, and four samples a pixel make steps of it that hide what levels do.
+const REFINED: u32 = 4;
 /// All there are.
 pub(super) const TRANSITIONS: [Transition; 4] = [
     Transition::None,
@@ -66,10 +67,10 @@ pub(super) fn points(
     for (number, &view) in VIEWS.iter().enumerate() {
         let looks = looks_at_changes(studio, view)?;
         let mut references = Vec::new();
+        let (fine, factor) = fine(studio.size);
         for camera in looks.iter().flat_map(|look| &look.seen) {
-            painter.draw(&mesh, camera, studio.size)?;
-            let shot = Shot::new(painter.read_back()?, BACKGROUND.0)?;
-            references.push(refined(&mut painter, &mesh, camera, &shot, REFINED)?);
+            painter.draw(&mesh, camera, fine)?;
+            references.push(Shot::shrunk(&painter.read_back()?, factor, BACKGROUND.0)?);
         }
         for (k, transition) in TRANSITIONS.into_iter().enumerate() {
             points.push(flown(studio, view, transition, &looks, &references)?);
@@ -78,6 +79,15 @@ pub(super) fn points(
         }
     }
     Ok(points)
+}
+
+/// The size that pictures of `size` are drawn in, and what it is times that.
+fn fine(size: Viewport) -> (Viewport, u32) {
+    let factor = (LARGEST / size.width.max(size.height).max(1)).clamp(1, REFINED);
+    (
+        Viewport::new(factor * size.width, factor * size.height),
+        factor,
+    )
 }
 
 /// A stretch of the path around a change of levels.
@@ -90,7 +100,8 @@ struct Look {
     seen: Vec<Camera>,
 }
 
-/// A session with all pages that the way from `farthest` to [`NEAREST`] takes.
+/// A session with all pages that the way from `farthest` to [`NEAREST`] takes, to be drawn `factor` times as wide and high with the levels of
+/// the studio's size.
 ///
 /// # Errors
 /// When the file cannot be shown.
@@ -99,10 +110,11 @@ pub(super) fn loaded(
     transition: Transition,
     view: usize,
     farthest: f64,
+    factor: u32,
 ) -> anyhow::Result<Session> {
     let options = ViewerOptions {
         background: BACKGROUND,
-        error_px: ERROR_PX,
+        error_px: ERROR_PX * f64::from(factor),
         transition,
         ..ViewerOptions::default()
     };
@@ -111,7 +123,7 @@ pub(super) fn loaded(
     while distance > NEAREST {
         session.settle(
             Camera::standard(studio.metadata, view, distance)?,
-            studio.size,
+            Viewport::new(factor * studio.size.width, factor * studio.size.height),
         )?;
         distance /= NEARER;
     }
@@ -120,7 +132,7 @@ pub(super) fn loaded(
 
 /// Flies all of the path with changes at once, to see where they are, and picks some of them.
 fn looks_at_changes(studio: &Studio<'_>, view: usize) -> anyhow::Result<Vec<Look>> {
-    let mut session = loaded(studio, Transition::None, view, FARTHEST)?;
+    let mut session = loaded(studio, Transition::None, view, FARTHEST, 1)?;
     let mut path = Vec::new();
     let mut distance = NEAREST;
     while distance < FARTHEST {
@@ -189,25 +201,26 @@ fn flown(
     looks: &[Look],
     references: &[Shot],
 ) -> anyhow::Result<TransitionPoint> {
-    let mut session = loaded(studio, transition, view, FARTHEST)?;
+    let (size, factor) = fine(studio.size);
+    let mut session = loaded(studio, transition, view, FARTHEST, factor)?;
     let (mut temporal, mut fidelity, mut unchanged) = (Vec::new(), Vec::new(), Vec::new());
     let mut triangles = 0.0;
     let mut references = references.iter();
     for look in looks {
         if let Some(start) = look.start {
-            session.settle(start, studio.size)?;
+            session.settle(start, size)?;
         }
         for &camera in &look.way {
             session.viewer().set_camera(camera);
-            session.step(STRIDE as f64 * FRAME_SECONDS, studio.size, Duration::ZERO);
+            session.step(STRIDE as f64 * FRAME_SECONDS, size, Duration::ZERO);
         }
         let mut popping = Popping::default();
         let mut last = None;
         for (&camera, reference) in look.seen.iter().zip(&mut references) {
             session.viewer().set_camera(camera);
-            session.step(FRAME_SECONDS, studio.size, Duration::ZERO);
-            session.draw(studio.size)?;
-            let shot = Shot::new(session.read_back()?, BACKGROUND.0)?;
+            session.step(FRAME_SECONDS, size, Duration::ZERO);
+            session.draw(size)?;
+            let shot = Shot::shrunk(&session.read_back()?, factor, BACKGROUND.0)?;
             triangles += session.viewer().stats().triangles as f64;
             let mask = shot.mask.union(&reference.mask)?;
             popping.add(shot.image()?, reference.image()?, &mask)?;

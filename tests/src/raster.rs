@@ -2,7 +2,7 @@
 //!
 //! A point of the picture is covered when it lies in the projection of any triangle, edges included, whichever way the
 //! triangle faces. Shared edges are evaluated in one order, so two triangles never both miss a point between them.
-//! Limit: no clipping; a triangle that reaches behind the eye is an error.
+//! Limit: no clipping. A triangle that reaches behind the eye is an error, or is left out where that is asked for.
 
 use anyhow::{Result, bail, ensure};
 use glam::{DMat4, DVec2, DVec3};
@@ -50,12 +50,17 @@ pub struct Picture<'a> {
     pub height: usize,
     /// Points within a pixel, from its top left corner, in pixels; at most 16.
     pub samples: &'a [DVec2],
+    /// Whether triangles may reach before the near plane (depth 1); they cover nothing then.
+    pub is_within: bool,
+    /// How many samples that follow each other a triangle covers all of, or none: 1, or with [`AROUND_FOUR_SAMPLES`] 4 for surfaces
+    /// with T-junctions, where edges meet that are not the same for a rasterizer.
+    pub together: usize,
 }
 
 /// The pixels of which `triangles` cover every sample.
 ///
 /// # Errors
-/// When a corner does not lie before the eye.
+/// When a corner does not lie before the eye, and the picture is not from within.
 pub fn coverage(
     positions: &[DVec3],
     triangles: &[[u32; 3]],
@@ -68,14 +73,18 @@ pub fn coverage(
         .map(|&position| {
             let clip = picture.clip_from_position * position.extend(1.0);
             let ndc = DVec2::new(clip.x, -clip.y) / clip.w;
-            (clip.w > 0.0 && ndc.is_finite()).then(|| (ndc + 1.0) * 0.5 * size)
+            let is_seen = clip.w > 0.0 && (!picture.is_within || clip.z <= clip.w);
+            (is_seen && ndc.is_finite()).then(|| (ndc + 1.0) * 0.5 * size)
         })
         .collect();
     let mut covered = vec![0_u16; picture.width * picture.height];
-    for triangle in triangles {
+    'triangles: for triangle in triangles {
         let mut corners = [DVec2::ZERO; 3];
         for (corner, &vertex) in corners.iter_mut().zip(triangle) {
             let Some(pixel) = pixels[vertex as usize] else {
+                if picture.is_within {
+                    continue 'triangles;
+                }
                 bail!("vertex {vertex} lies behind the eye");
             };
             *corner = pixel;
@@ -105,14 +114,19 @@ fn cover(covered: &mut [u16], picture: &Picture<'_>, [a, b, c]: [DVec2; 3]) {
     for y in pixel_range(min.y, max.y, picture.height) {
         for x in columns.clone() {
             let corner = DVec2::new(x as f64, y as f64);
-            for (bit, &sample) in picture.samples.iter().enumerate() {
-                let point = corner + sample;
-                if [(a, b), (b, c), (c, a)]
-                    .iter()
-                    .all(|&(p, q)| sign * edge(p, q, point) >= 0.0)
-                {
-                    covered[y * picture.width + x] |= 1 << bit;
+            let is_in = |sample: &DVec2| {
+                let point = corner + *sample;
+                let sides = [(a, b), (b, c), (c, a)];
+                (sides.iter()).all(|&(p, q)| sign * edge(p, q, point) >= 0.0)
+            };
+            let groups = picture.samples.chunks(picture.together.max(1));
+            let mut first = 0;
+            for samples in groups {
+                if samples.iter().all(is_in) {
+                    let bits = (1_u16 << samples.len().min(15)) - 1;
+                    covered[y * picture.width + x] |= bits << first;
                 }
+                first += samples.len();
             }
         }
     }
@@ -154,6 +168,8 @@ mod tests {
             width: size,
             height: size,
             samples,
+            is_within: false,
+            together: 1,
         }
     }
 

@@ -155,10 +155,28 @@ impl Stage {
     /// When the surface cannot be put together on the CPU.
     pub fn inside(&mut self, samples: &[DVec2]) -> Result<Mask> {
         let picture = self.picture(samples);
+        self.covered(&picture)
+    }
+
+    /// As [`Stage::inside`], for an eye that may be within the model: triangles that reach before the near plane cover nothing. `together` is
+    /// that of [`Picture`].
+    ///
+    /// # Errors
+    /// As [`Stage::inside`].
+    pub fn inside_from_within(&mut self, samples: &[DVec2], together: usize) -> Result<Mask> {
+        let picture = Picture {
+            is_within: true,
+            together,
+            ..self.picture(samples)
+        };
+        self.covered(&picture)
+    }
+
+    fn covered(&mut self, picture: &Picture<'_>) -> Result<Mask> {
         let viewer = self.session.viewer();
         let source = self.source.as_ref();
         let mesh = extract_mesh_in_motion(viewer.document(), source, viewer.drawn())?;
-        Ok(raster::coverage(&mesh.positions, &mesh.triangles, &picture)?.eroded())
+        Ok(raster::coverage(&mesh.positions, &mesh.triangles, picture)?.eroded())
     }
 
     /// The picture as the CPU sees it, for positions in lattice coordinates.
@@ -173,6 +191,8 @@ impl Stage {
             width: viewport.width as usize,
             height: viewport.height as usize,
             samples,
+            is_within: false,
+            together: 1,
         }
     }
 }

@@ -3,10 +3,13 @@
 //! JSON: a list of cameras, or an object `{"cameras": [...], "fps": N}`. A camera is the text of `--camera`
 //! (`"ex,ey,ez,tx,ty,tz"`), a list of the six numbers, or `{"eye": [x, y, z], "target": [x, y, z]}`. With `fps` the
 //! frames after the first are what a viewer moving at that rate shows, morphs and missing pages included; without, each
-//! frame is settled.
+//! frame is settled. With `"units": "radii"` places are told from the centre of the model's bounding sphere in radii of it, so that
+//! one path does for all models; else they are in the model's units.
 
 use crate::NativeError;
+use glam::DVec3;
 use marquetry_engine::Camera;
+use marquetry_engine::camera::BoundingSphere;
 use marquetry_format::Metadata;
 use std::path::Path;
 
@@ -29,7 +32,20 @@ enum File {
     Object {
         cameras: Vec<Entry>,
         fps: Option<f64>,
+        #[serde(default)]
+        units: Units,
     },
+}
+
+/// What places are told in.
+#[derive(Debug, Clone, Copy, Default, serde::Deserialize)]
+#[serde(rename_all = "lowercase")]
+enum Units {
+    /// Those of the model.
+    #[default]
+    Model,
+    /// Radii of the bounding sphere, from its centre.
+    Radii,
 }
 
 #[derive(serde::Deserialize)]
@@ -61,9 +77,18 @@ fn parse(text: &str, metadata: &Metadata) -> Result<CameraPath, String> {
     let value: serde_json::Value =
         serde_json::from_str(text).map_err(|error| format!("not JSON: {error}"))?;
     let file = serde_json::from_value(value).map_err(|error| format!("{EXPECTED} ({error})"))?;
-    let (entries, fps) = match file {
-        File::List(entries) => (entries, None),
-        File::Object { cameras, fps } => (cameras, fps),
+    let (entries, fps, units) = match file {
+        File::List(entries) => (entries, None, Units::default()),
+        File::Object {
+            cameras,
+            fps,
+            units,
+        } => (cameras, fps, units),
+    };
+    let sphere = BoundingSphere::of(metadata);
+    let placed = |place: DVec3| match units {
+        Units::Model => place,
+        Units::Radii => sphere.centre + sphere.radius * place,
     };
     if entries.is_empty() || entries.len() > MOST_CAMERAS {
         return Err(format!(
@@ -83,7 +108,13 @@ fn parse(text: &str, metadata: &Metadata) -> Result<CameraPath, String> {
                 target: [d, e, f],
             } => [a, b, c, d, e, f].map(|n| n.to_string()).join(","),
         };
-        Camera::parse(metadata, &text).map_err(|error| format!("camera {index}: {error}"))
+        let camera = Camera::parse(metadata, &text);
+        let camera = camera.map_err(|error| format!("camera {index}: {error}"))?;
+        Ok::<_, String>(Camera {
+            eye: placed(camera.eye),
+            target: placed(camera.target),
+            up: camera.up,
+        })
     };
     let cameras = entries
         .into_iter()
@@ -106,6 +137,20 @@ mod tests {
         assert_eq!(path.cameras.len(), 3);
         assert!(path.cameras.iter().all(|camera| *camera == path.cameras[0]));
         assert_eq!(parse(r#"["0,0,5,0,0,0"]"#, &metadata()).unwrap().fps, None);
+    }
+
+    #[test]
+    fn radii_are_told_from_the_centre_of_the_model() {
+        let of = |units| {
+            let text = format!(r#"{{"cameras": [[0,0,2.5,0,0,0]], "units": "{units}"}}"#);
+            parse(&text, &metadata()).unwrap().cameras[0]
+        };
+        let standard = Camera::standard(&metadata(), 0, 2.5).unwrap();
+        assert!(of("radii").eye.distance(standard.eye) < 1e-9 * standard.eye.length());
+        assert_eq!(of("radii").target, standard.target);
+        assert_eq!(of("model").eye, DVec3::new(0.0, 0.0, 2.5));
+        let text = r#"{"cameras": [[0,0,1,0,0,0]], "units": "miles"}"#;
+        assert!(parse(text, &metadata()).is_err());
     }
 
     #[test]

@@ -135,7 +135,7 @@ fn large_triangles_of_one_colour_have_sharp_borders() {
         .succeeded()
         .unwrap();
     let headless = Headless::new().unwrap();
-    for (distance, least) in [(1.2, 0.985), (2.5, 0.985), (6.0, 0.97)] {
+    for (distance, least) in [(1.2, 0.985), (2.5, 0.985), (6.0, 0.95)] {
         let ssim = textured::similarity(&headless, &input, &file.path, 0, distance).unwrap();
         println!("at {distance}: SSIM {ssim:.4}");
         assert!(ssim >= least, "at {distance}: SSIM {ssim}");

@@ -7,7 +7,7 @@
 use super::appearance::Appearance;
 use super::light::Light;
 use glam::{DVec3, Vec2, Vec3};
-use std::collections::HashMap;
+use std::collections::{BTreeMap, HashMap};
 
 /// Texels of a sparse triangle are fewer.
 const FEW: f64 = 4.0;
@@ -25,28 +25,21 @@ pub fn find(
     means: &[Option<Vec3>],
     light: &Light,
 ) -> Sparse {
-    let texels = appearance.faces.iter().map(|face| {
-        let image = appearance.image_of(face)?;
-        let size = (*sizes.get(image as usize)?)?;
-        let [a, b, c] = face.uv.map(|uv| (uv * size).as_dvec2());
-        Some(0.5 * (b - a).perp_dot(c - a).abs())
-    });
-    let known: Vec<(u32, f64, f64)> = (0u32..)
-        .zip(triangles)
-        .zip(texels)
-        .filter_map(|((number, triangle), texels)| {
+    // Number, texels, texels along a unit of length.
+    let known = || {
+        let covered = (0u32..).zip(triangles).zip(&appearance.faces);
+        covered.filter_map(|((number, triangle), face)| {
+            let size = (*sizes.get(appearance.image_of(face)? as usize)?)?;
+            let [a, b, c] = face.uv.map(|uv| (uv * size).as_dvec2());
+            let texels = 0.5 * (b - a).perp_dot(c - a).abs();
             let [a, b, c] = triangle.map(|v| positions[v as usize]);
             let area = 0.5 * (b - a).cross(c - a).length();
-            let texels = texels.filter(|_| area.is_finite() && area > 0.0)?;
             let density = (texels / area).sqrt();
-            density.is_finite().then_some((number, texels, density))
+            (area > 0.0 && density.is_finite()).then_some((number, texels, density))
         })
-        .collect();
-    let Some(usual) = usual(&known) else {
-        return Sparse::new();
     };
-    known
-        .into_iter()
+    let usual = usual(known().map(|(_, texels, density)| (texels, density)));
+    known()
         .filter(|&(_, texels, density)| texels < FEW && density < SPARSE * usual)
         .filter_map(|(number, _, _)| {
             let mean = (*means.get(number as usize)?)?;
@@ -55,17 +48,21 @@ pub fn find(
         .collect()
 }
 
-/// The density that half of all texels have at most; of numbers, texels and densities.
-fn usual(known: &[(u32, f64, f64)]) -> Option<f64> {
-    let mut order: Vec<(f64, f64)> = known.iter().map(|&(_, t, density)| (density, t)).collect();
-    order.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.total_cmp(&b.1)));
-    let half = 0.5 * order.iter().map(|&(_, texels)| texels).sum::<f64>();
+/// The density that half of all texels have at most, to a twelfth of a factor of two; 0 without texels.
+fn usual(known: impl Iterator<Item = (f64, f64)>) -> f64 {
+    let mut counts: BTreeMap<i32, f64> = BTreeMap::new();
+    for (texels, density) in known.filter(|&(texels, _)| texels > 0.0) {
+        #[expect(clippy::cast_possible_truncation, reason = "a logarithm")]
+        let step = (12.0 * density.log2()).floor() as i32;
+        *counts.entry(step).or_default() += texels;
+    }
+    let half = 0.5 * counts.values().sum::<f64>();
     let mut sum = 0.0;
-    let found = order.iter().find(|&&(_, texels)| {
-        sum += texels;
+    let found = counts.iter().find(|(_, texels)| {
+        sum += **texels;
         sum >= half
     });
-    found.map(|&(density, _)| density)
+    found.map_or(0.0, |(&step, _)| (f64::from(step) / 12.0).exp2())
 }
 
 #[cfg(test)]

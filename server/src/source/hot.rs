@@ -1,6 +1,6 @@
 //! Parts of files on disk that are asked for again and again, in memory.
 //!
-//! The kernel has them in memory as well, but every read copies them from there: a quarter of what a range of 64 KiB takes.
+//! The kernel has them in memory as well, but every read copies them from there: a sixth of what a range of 64 KiB takes.
 //! A block comes in once it was asked for [`TOUCHES`] times while few others were, so that a walk through files larger than this does
 //! not read blocks for the sake of ranges; and only when the kernel has it, so that nobody waits. The least recently used goes first.
 //! A block is of one version of one file, and was read as all is ([`LocalFile::read_now`]).
@@ -14,13 +14,13 @@ use std::ops::Range;
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
 /// Bytes of a block.
-const BLOCK_BYTES: u64 = 256 * 1024;
+const BLOCK_BYTES: u64 = 1 << 20;
 /// Bytes in memory at most.
 const CAPACITY_BYTES: u64 = 64 << 20;
 /// How often a block is asked for before it comes in.
-const TOUCHES: u8 = 4;
+const TOUCHES: u8 = 8;
 /// Blocks whose touches are counted; then all counts begin anew.
-const COUNTED: usize = 4096;
+const COUNTED: usize = 1024;
 
 /// Blocks of files on disk.
 #[derive(Debug, Default)]

@@ -62,6 +62,12 @@ impl TexturedFace {
         material: NO_MATERIAL,
         uv: [Vec2::ZERO; 3],
     };
+
+    /// Texels that it covers of an image of `size`.
+    pub fn texels(&self, size: Vec2) -> f32 {
+        let [a, b, c] = self.uv.map(|uv| uv * size);
+        0.5 * (b - a).perp_dot(c - a).abs()
+    }
 }
 
 /// Images, materials, and how they cover the imported triangles.

@@ -56,7 +56,12 @@ impl SourceMesh {
         let centre = (corners[0] + corners[1] + corners[2]) / 3.0;
         let nearest = self.bvh.closest(centre, f64::INFINITY)?;
         let size: f64 = corners.map(|p| p.distance(centre)).iter().sum();
-        let slack = 2.0 * (nearest.distance2.sqrt() + rounded) + TINY * size;
+        let (distance, close) = (nearest.distance2.sqrt(), 2.0 * rounded + TINY * size);
+        if distance > close {
+            // No piece: it closes a hole, and there may be any number about as far away.
+            return self.numbers.get(nearest.triangle as usize).copied();
+        }
+        let slack = 2.0 * distance + close;
         let mut near: Vec<(u32, Likeness)> = self
             .bvh
             .within(centre, slack * slack)

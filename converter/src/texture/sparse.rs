@@ -30,8 +30,7 @@ pub fn find(
         let covered = (0u32..).zip(triangles).zip(&appearance.faces);
         covered.filter_map(|((number, triangle), face)| {
             let size = (*sizes.get(appearance.image_of(face)? as usize)?)?;
-            let [a, b, c] = face.uv.map(|uv| (uv * size).as_dvec2());
-            let texels = 0.5 * (b - a).perp_dot(c - a).abs();
+            let texels = f64::from(face.texels(size));
             let [a, b, c] = triangle.map(|v| positions[v as usize]);
             let area = 0.5 * (b - a).cross(c - a).length();
             let density = (texels / area).sqrt();

@@ -172,8 +172,7 @@ impl Textures {
         let texels = |face: TexturedFace| {
             let image = self.appearance.image_of(&face)?;
             let size = (*sizes.get(image as usize)?)?;
-            let [a, b, c] = face.uv.map(|uv| uv * size);
-            Some(0.5 * (b - a).perp_dot(c - a).abs())
+            Some(face.texels(size))
         };
         let need = |t: &[u32; 3]| {
             let corners = t.map(|v| positions[v as usize]);

@@ -7,6 +7,7 @@
 pub(crate) mod monitor;
 mod stream;
 pub(crate) mod tls;
+pub(crate) mod workers;
 
 use crate::config::ConnectionLimits;
 use crate::limits::{Connections, Slot};
@@ -26,6 +27,7 @@ use tokio::io::{AsyncRead, AsyncWrite};
 use tokio::net::{TcpListener, TcpStream};
 use tokio::sync::{OwnedSemaphorePermit, Semaphore, watch};
 use tokio::task::JoinSet;
+use workers::Workers;
 
 /// Pause after a failed accept, mostly for want of file descriptors: others may be freed meanwhile.
 const ACCEPT_PAUSE: Duration = Duration::from_millis(50);
@@ -55,6 +57,7 @@ pub(crate) struct Door {
 pub(crate) async fn serve(
     listener: TcpListener,
     door: Arc<Door>,
+    workers: Arc<Workers>,
     mut stopping: watch::Receiver<bool>,
 ) {
     let slots = Arc::new(Semaphore::new(door.limits.open));
@@ -74,12 +77,17 @@ pub(crate) async fn serve(
                     continue;
                 };
                 let (door, stopped) = (Arc::clone(&door), stopped.clone());
-                connections.spawn(async move {
+                let (worker, seat) = workers.seat();
+                let served = async move {
                     door.metrics().connections.begin();
-                    connection(socket, address, &door, stopped).await;
+                    match TcpStream::from_std(socket) {
+                        Ok(socket) => connection(socket, address, &door, stopped).await,
+                        Err(error) => tracing::warn!(%error, "a connection could not be served"),
+                    }
                     door.metrics().connections.end();
-                    drop((slot, place));
-                });
+                    drop((slot, place, seat));
+                };
+                connections.spawn_on(served, worker);
             }
             Err(error) => {
                 tracing::warn!(%error, "a connection could not be accepted");
@@ -117,13 +125,14 @@ impl Door {
 async fn accept(
     listener: &TcpListener,
     slots: &Arc<Semaphore>,
-) -> std::io::Result<(TcpStream, SocketAddr, OwnedSemaphorePermit)> {
+) -> std::io::Result<(std::net::TcpStream, SocketAddr, OwnedSemaphorePermit)> {
     let slot = Arc::clone(slots)
         .acquire_owned()
         .await
         .map_err(std::io::Error::other)?;
     let (socket, address) = listener.accept().await?;
-    Ok((socket, address, slot))
+    // To be watched by its worker, not here.
+    Ok((socket.into_std()?, address, slot))
 }
 
 /// Serves one connection to its end.

@@ -1,6 +1,7 @@
 //! The server as a whole: its listening sockets, its life.
 
 use crate::accept::tls::Tls;
+use crate::accept::workers::Workers;
 use crate::accept::{self, Door};
 use crate::auth::Auth;
 use crate::config::{Config, ConnectionLimits};
@@ -15,6 +16,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
 use std::time::Duration;
 use tokio::net::{TcpListener, TcpSocket};
+use tokio::runtime::Handle;
 use tokio::sync::watch;
 
 /// Connections that wait to be accepted.
@@ -28,6 +30,7 @@ pub struct Server {
     main: Listening,
     admin: Option<Listening>,
     tls: Option<Arc<Tls>>,
+    workers: Arc<Workers>,
     draining: Arc<AtomicBool>,
     limits: ConnectionLimits,
 }
@@ -42,8 +45,10 @@ struct Listening {
 impl Server {
     /// Checks what is to be served and starts to listen. Connections wait until [`Server::run`].
     ///
+    /// Connections have threads of their own, as many as the runtime has that this is called in.
+    ///
     /// # Errors
-    /// When a path cannot be served or an address cannot be listened on.
+    /// When a path cannot be served, an address cannot be listened on, or the system has no more threads.
     pub async fn bind(config: Config) -> Result<Self, ServerError> {
         config.check()?;
         use_ring();
@@ -93,10 +98,13 @@ impl Server {
                 Some(Listening::new(address, door).await?)
             }
         };
+        let threads = Handle::current().metrics().num_workers();
+        let workers = Workers::start(threads).map_err(ServerError::Workers)?;
         Ok(Self {
             main: Listening::new(&config.listen, main).await?,
             admin,
             tls,
+            workers: Arc::new(workers),
             draining: shared.draining,
             limits,
         })
@@ -129,10 +137,11 @@ impl Server {
         });
         let admin = self.admin.map(|admin| {
             let Listening { listener, door, .. } = admin;
-            tokio::spawn(accept::serve(listener, door, stopping_admin))
+            let workers = Arc::clone(&self.workers);
+            tokio::spawn(accept::serve(listener, door, workers, stopping_admin))
         });
         let Listening { listener, door, .. } = self.main;
-        let main = tokio::spawn(accept::serve(listener, door, stopping));
+        let main = tokio::spawn(accept::serve(listener, door, self.workers, stopping));
         shutdown.await;
         self.draining.store(true, Relaxed);
         if !self.limits.drain_delay.is_zero() {

@@ -21,6 +21,9 @@ pub enum ServerError {
         /// Why not.
         source: std::io::Error,
     },
+    /// The system has no threads or descriptors left for connections.
+    #[error("cannot start threads for connections: {0}")]
+    Workers(#[source] std::io::Error),
     /// A path is not there or cannot be read.
     #[error("cannot read {}: {source}", path.display())]
     Path {

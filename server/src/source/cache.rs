@@ -146,6 +146,15 @@ impl Lru {
         }
     }
 
+    /// Lets all blocks go of the version of a file that has number `version`.
+    pub(super) fn remove_version(&mut self, version: u64) {
+        let of_it = |key: &&Key| key.0 == version;
+        let keys: Vec<Key> = self.blocks.keys().filter(of_it).copied().collect();
+        for key in keys {
+            self.remove(key);
+        }
+    }
+
     fn remove(&mut self, key: Key) {
         if let Some((used, bytes)) = self.blocks.remove(&key) {
             self.order.remove(&used);

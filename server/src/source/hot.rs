@@ -3,7 +3,7 @@
 //! The kernel has them in memory as well, but every read copies them from there: a sixth of what a range of 64 KiB takes.
 //! A block comes in once it was asked for [`TOUCHES`] times while few others were, so that a walk through files larger than this does
 //! not read blocks for the sake of ranges; and only when the kernel has it, so that nobody waits. The least recently used goes first.
-//! A block is of one version of one file, and was read as all is ([`LocalFile::read_now`]).
+//! A block is of one version of one file, and was read as all is ([`LocalFile::read_now`]); it goes when nobody needs that version any more.
 
 use super::ReadError;
 use super::cache::Lru;
@@ -52,6 +52,11 @@ impl HotBlocks {
             Some(bytes) => Some(Ok(bytes)),
             None => file.read_now(range),
         }
+    }
+
+    /// `file` is not served any more.
+    pub(super) fn forget(&self, file: &LocalFile) {
+        self.state().blocks.remove_version(file.serial());
     }
 
     fn block(&self, file: &LocalFile, range: &Range<u64>) -> Option<Bytes> {
@@ -159,6 +164,28 @@ mod tests {
                 assert_eq!(hot.read_now(&file, &(0..3)).unwrap().unwrap(), content);
             }
         }
+    }
+
+    #[test]
+    fn a_file_takes_its_blocks_with_it() {
+        let folder = tempfile::tempdir().unwrap();
+        let hot = HotBlocks::default();
+        let [kept, gone] = ["kept", "gone"].map(|name| {
+            let path = folder.path().join(name);
+            std::fs::write(&path, bytes_of(2 * BLOCK_BYTES)).unwrap();
+            let file = LocalFile::open(&path, None).unwrap();
+            for start in (0..2).map(|block| block * BLOCK_BYTES) {
+                for _ in 0..TOUCHES {
+                    hot.read_now(&file, &(start..start + 3)).unwrap().unwrap();
+                }
+            }
+            file
+        });
+        assert_eq!(hot.state().blocks.bytes(), 4 * BLOCK_BYTES);
+        hot.forget(&gone);
+        assert_eq!(hot.state().blocks.bytes(), 2 * BLOCK_BYTES);
+        hot.forget(&kept);
+        assert_eq!(hot.state().blocks.bytes(), 0);
     }
 
     #[test]

@@ -22,6 +22,14 @@ pub(super) enum Handle {
     Remote(Arc<RemoteObject>),
 }
 
+impl Drop for Handle {
+    fn drop(&mut self) {
+        if let Self::Local(file, hot) = self {
+            hot.forget(file);
+        }
+    }
+}
+
 impl Handle {
     fn length(&self) -> u64 {
         match self {

@@ -29,7 +29,7 @@ pub(crate) fn marq(project: &Project, folder: &Path, seed: u32) -> Result<PathBu
             ]),
     )?;
     let length = output.metadata().map_or(0, |metadata| metadata.len());
-    ensure(length > 200_000, || {
+    ensure(length > 310_000, || {
         format!("{} has only {length} bytes", output.display())
     })?;
     Ok(output)

@@ -23,6 +23,12 @@ const CLIENTS: u64 = 8;
 const VERSIONS: u32 = 3;
 /// Between two replacements of each file.
 const REPLACE: Duration = Duration::from_millis(200);
+/// All versions have so many pages.
+const PAGES: usize = 440;
+/// All versions are longer than this and the longest range.
+const RANGES_BEGIN_BELOW: usize = 300_000;
+/// Of so many requests one at least must reach the origin, or its faults are not met.
+const REQUESTS_AN_ORIGINS: u64 = 20;
 /// By how much memory may grow after the server has warmed up.
 const GROWTH_BYTES: u64 = 24 << 20;
 
@@ -86,7 +92,7 @@ fn serve(project: &Project, site: &Path, origin: &Origin, port: u16) -> Result<P
             .arg(site)
             .arg(format!("http://{}/remote.marq", origin.address))
             .args(["--listen", &format!("127.0.0.1:{port}")])
-            .env("MARQUETRY_SERVE_UPSTREAM__CACHE", "512KiB")
+            .env("MARQUETRY_SERVE_UPSTREAM__CACHE", "256KiB")
             .env("MARQUETRY_SERVE_UPSTREAM__REFRESH", "100ms")
             .env("MARQUETRY_SERVE_UPSTREAM__TIMEOUT", "2s"),
     )
@@ -227,12 +233,11 @@ fn any_request(random: &Random, name: &str, version: &[u8]) -> (Vec<u8>, Option<
             (request, Some((0, usize::MAX - 1)))
         }
         1..10 => {
-            let path = format!("/pages/{name}/{}/{}", content_id(version), below(40));
+            let path = format!("/pages/{name}/{}/{}", content_id(version), below(PAGES));
             (super::client::request(&path, None), None)
         }
         _ => {
-            // All versions are longer than this.
-            let first = below(190_000);
+            let first = below(RANGES_BEGIN_BELOW);
             let last = first + below(9_000);
             let path = format!("/files/{name}.marq");
             let request = super::client::request(&path, Some((first, last)));
@@ -315,6 +320,10 @@ fn report(tally: &Tally, origin: &Origin, growth: &[(u64, u64)], time: Duration)
             mib(*end)
         );
     }
+    ensure(
+        of(&counts.requests) * REQUESTS_AN_ORIGINS >= of(&tally.sent),
+        || "the origin was hardly asked: its file fits into the cache".to_owned(),
+    )?;
     ensure(of(&tally.whole) * 2 > of(&tally.sent), || {
         "most requests failed".to_owned()
     })?;

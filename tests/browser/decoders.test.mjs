@@ -27,7 +27,7 @@ class FakeWorker extends EventTarget {
 function pool(processors = 3) {
   const workers = [];
   const start = () => workers[workers.push(new FakeWorker()) - 1];
-  return { decoders: new Decoders("module", start, processors), workers };
+  return { decoders: new Decoders("webgl2", "module", start, processors), workers };
 }
 
 const bytes = () => new Uint8Array(4);
@@ -36,7 +36,7 @@ test("workers are as many as processors less one, one to four", () => {
   for (const [processors, count] of [[1, 1], [2, 1], [3, 2], [64, 4]]) {
     const { decoders, workers } = pool(processors);
     assert.equal(workers.length, count);
-    assert.deepEqual(workers[0].received, [{ module: "module" }]);
+    assert.deepEqual(workers[0].received, [{ api: "webgl2", module: "module" }]);
     assert.equal(decoders.count, 0);
     for (const worker of workers) worker.say({ ready: true });
     assert.equal(decoders.count, count);
@@ -133,7 +133,7 @@ test("where no worker starts there is none", () => {
   const refuse = () => {
     throw new Error("refused");
   };
-  assert.ok(!new Decoders("module", refuse, 4).isThere);
+  assert.ok(!new Decoders("webgl2", "module", refuse, 4).isThere);
   const { decoders, workers } = pool(2);
   assert.ok(decoders.isThere);
   workers[0].say({ ready: false, reason: "no wasm here" });

@@ -16,6 +16,8 @@ const READY_BYTES = 256 * 1024;
 const SAME_PICTURE = 0.98;
 /** Least similarity of a view and the same view by its link, which rounds the camera to nine digits. */
 const SAME_LINK = 0.995;
+/** Least similarity of pictures by WebGPU and by WebGL 2. */
+const SAME_API = 0.999;
 const BACKGROUND = "202226";
 /** Pixels of error, and the file, once the picture of the dragon at 1 px is compared. */
 const EASY_PX = "8";
@@ -55,6 +57,7 @@ try {
   await thePage();
   await main.close();
   await decoding();
+  await webgl();
   await otherHosts();
   await embedding();
   await failures();
@@ -419,6 +422,49 @@ async function decoding() {
   });
 }
 
+/** Where there is no WebGPU. */
+async function webgl() {
+  for (const [what, address] of [["charts", `${LIGHT}#error-px=${EASY_PX}`], ["textured clusters", "textured"]]) {
+    await checks.run(`WebGL 2 draws the same picture: ${what}`, async () => {
+      const pictures = [];
+      for (const prepare of [undefined, withoutWebGpu]) {
+        const viewer = await ViewerPage.open(chromium, `${server.url}/?file=${address}`, { prepare });
+        await viewer.settle();
+        const { adapter, failures } = await viewer.read((element) => element.stats());
+        assert.equal(/WebGL 2/.test(adapter), prepare === withoutWebGpu, adapter);
+        pictures.push(decode(await viewer.screenshot()));
+        assert.deepEqual([failures, viewer.complaints], [0, []]);
+        await viewer.close();
+      }
+      const { ssim, pixels, total } = maskedSsim(...pictures, rgb(BACKGROUND));
+      assert.ok(pixels > total / 20, `the object covers ${pixels} of ${total} pixels`);
+      assert.ok(ssim >= SAME_API, `SSIM ${ssim}`);
+      return `SSIM ${ssim.toFixed(4)}`;
+    });
+  }
+  await checks.run("a lost context of WebGL is replaced, and the view stays", async () => {
+    const viewer = await ViewerPage.open(chromium, `${server.url}/?file=textured`, { prepare: withoutWebGpu });
+    await viewer.settle();
+    await viewer.page.locator("marquetry-viewer").focus();
+    await viewer.page.keyboard.press("ArrowLeft");
+    await viewer.rest();
+    const [before, camera] = [decode(await viewer.screenshot()), await viewer.camera()];
+    await viewer.read((element) =>
+      element.shadowRoot.querySelector("canvas").getContext("webgl2").getExtension("WEBGL_lose_context").loseContext());
+    await viewer.page.waitForFunction(() => window.spy.events.some((event) => event.kind === "device"), undefined, { timeout: PATIENCE_MS });
+    await viewer.settle();
+    assert.ok(gap(eye(camera), eye(await viewer.camera())) < 1e-9 * reach(camera));
+    const { ssim } = maskedSsim(decode(await viewer.screenshot()), before, rgb(BACKGROUND));
+    assert.ok(ssim >= SAME_LINK, `SSIM ${ssim}`);
+    await viewer.close();
+  });
+}
+
+/** Makes a page believe that its browser has no WebGPU. */
+function withoutWebGpu(page) {
+  return page.addInitScript(() => Object.defineProperty(Navigator.prototype, "gpu", { get: () => undefined }));
+}
+
 async function otherHosts() {
   await checks.run("a host that only knows ranges will do", async () => {
     const viewer = await ViewerPage.open(chromium, `${server.url}/?file=${LIGHT}#error-px=${EASY_PX}`, {
@@ -487,8 +533,10 @@ async function failures() {
     page.route("**/files/**", (route) => route.abort("connectionrefused")));
   await refused("a server that refuses is named so", /refuses access \(HTTP 403\)/, "dragon", (page) =>
     page.route("**/files/**", (route) => route.fulfill({ status: 403 })));
-  await refused("a browser without WebGPU is told so", /WebGPU/, "dragon", (page) =>
-    page.addInitScript(() => Object.defineProperty(Navigator.prototype, "gpu", { get: () => undefined })));
+  await refused("a browser that draws with neither is told so", /WebGPU or with WebGL 2/, "dragon", async (page) => {
+    await withoutWebGpu(page);
+    await page.addInitScript(() => (HTMLCanvasElement.prototype.getContext = () => null));
+  });
 
   await checks.run("broken pages are asked for again", async () => {
     let broken = 0;

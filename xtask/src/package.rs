@@ -9,8 +9,8 @@ use std::path::{Path, PathBuf};
 
 /// What a page imports.
 const ENTRY: &str = "marquetry.js";
-/// The file that the code fetches.
-const WASM: &str = "marquetry_web_bg.wasm";
+/// What the code fetches.
+const WASM: [&str; 2] = ["marquetry_web_bg.wasm", "marquetry_webgl2_bg.wasm"];
 
 /// Puts the package together.
 ///
@@ -28,7 +28,7 @@ pub(crate) fn assemble(project: &Project) -> Result<()> {
     std::fs::create_dir_all(&folder)
         .with_context(|| format!("cannot make {}", folder.display()))?;
     let mut files: Vec<PathBuf> = modules(&project.dist())?;
-    files.push(project.dist().join(WASM));
+    files.extend(WASM.map(|name| project.dist().join(name)));
     for entry in std::fs::read_dir(&described)
         .with_context(|| format!("cannot list {}", described.display()))?
     {

@@ -7,11 +7,32 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 use wasm_bindgen_cli_support::Bindgen;
 
-/// Most bytes that a browser fetches to run the viewer, compressed with brotli.
-const BUDGET_BYTES: u64 = 900 * 1024;
+/// The viewer for one way to draw. A browser fetches one of them.
+struct Bundle {
+    /// Name of the generated module and the stem of its `.wasm`.
+    module: &'static str,
+    /// The feature of `marquetry-web`.
+    feature: &'static str,
+    /// Most bytes that a browser fetches to run the viewer, compressed with brotli.
+    budget_bytes: u64,
+}
 
-/// Name of the generated module and the stem of its `.wasm`.
-const MODULE: &str = "marquetry_web";
+const BUNDLES: [Bundle; 2] = [
+    Bundle {
+        module: "marquetry_web",
+        feature: "webgpu",
+        budget_bytes: 900 * 1024,
+    },
+    // The browser does not translate shaders and check calls for it: wgpu does.
+    Bundle {
+        module: "marquetry_webgl2",
+        feature: "webgl2",
+        budget_bytes: 1000 * 1024,
+    },
+];
+
+/// The name that cargo gives the module.
+const CRATE: &str = "marquetry_web";
 
 /// Folders below `web-viewer/web` whose files are served as they are.
 const STATIC: [&str; 2] = ["js", "page"];
@@ -24,12 +45,16 @@ pub(crate) fn build(project: &Project) -> Result<()> {
     setup::ensure(&[Need::Compiler, Need::Wasm])?;
     let toolchain = Toolchain::find().context("no compiler for wasm32")?;
     println!("  compiling for the browser with {}", toolchain.describe());
-    let wasm = compile(project, &toolchain)?;
     let dist = project.dist();
     std::fs::create_dir_all(&dist).with_context(|| format!("cannot make {}", dist.display()))?;
-    bind(project, &wasm, &dist)?;
+    for bundle in &BUNDLES {
+        let wasm = compile(project, &toolchain, bundle)?;
+        bind(project, bundle, &wasm, &dist)?;
+    }
     copy_static(project, &dist)?;
-    check_size(&dist)?;
+    for bundle in &BUNDLES {
+        check_size(bundle, &dist)?;
+    }
     package::assemble(project)
 }
 
@@ -41,7 +66,7 @@ pub(crate) fn target(project: &Project, toolchain: &Toolchain) -> PathBuf {
     })
 }
 
-fn compile(project: &Project, toolchain: &Toolchain) -> Result<PathBuf> {
+fn compile(project: &Project, toolchain: &Toolchain, bundle: &Bundle) -> Result<PathBuf> {
     let target = target(project, toolchain);
     process::run(
         toolchain
@@ -51,6 +76,9 @@ fn compile(project: &Project, toolchain: &Toolchain) -> Result<PathBuf> {
                 "web",
                 "--package",
                 "marquetry-web",
+                "--no-default-features",
+                "--features",
+                bundle.feature,
                 "--target-dir",
             ])
             .arg(&target),
@@ -58,22 +86,23 @@ fn compile(project: &Project, toolchain: &Toolchain) -> Result<PathBuf> {
     Ok(target
         .join(crate::wasm::TARGET)
         .join("web")
-        .join(format!("{MODULE}.wasm")))
+        .join(format!("{CRATE}.wasm")))
 }
 
-fn bind(project: &Project, wasm: &Path, dist: &Path) -> Result<()> {
+fn bind(project: &Project, bundle: &Bundle, wasm: &Path, dist: &Path) -> Result<()> {
+    let module = bundle.module;
     let bytes = std::fs::read(wasm).with_context(|| format!("cannot read {}", wasm.display()))?;
-    let stamp_path = project.target.join("web-bound");
+    let stamp_path = project.target.join(format!("{module}-bound"));
     let stamp = format!("{} {:016x}\n", bytes.len(), fnv1a(&bytes));
-    let bound = dist.join(format!("{MODULE}_bg.wasm"));
+    let bound = dist.join(format!("{module}_bg.wasm"));
     if bound.is_file() && std::fs::read_to_string(&stamp_path).is_ok_and(|old| old == stamp) {
         return Ok(());
     }
-    println!("  generating {MODULE}.js");
+    println!("  generating {module}.js");
     let mut bindgen = Bindgen::new();
     bindgen
-        .input_bytes(MODULE, bytes)
-        .out_name(MODULE)
+        .input_bytes(module, bytes)
+        .out_name(module)
         .typescript(false);
     bindgen
         .remove_name_section(true)
@@ -109,9 +138,22 @@ fn copy_static(project: &Project, dist: &Path) -> Result<()> {
     Ok(())
 }
 
-/// Prints the sizes; node, where it is there, says what they are on the wire.
-fn check_size(dist: &Path) -> Result<()> {
-    let files = files_of(dist)?;
+/// Prints the sizes of what a browser fetches with `bundle`; node, where it is there, says what they are on the wire.
+fn check_size(bundle: &Bundle, dist: &Path) -> Result<()> {
+    let is_others = |file: &PathBuf| {
+        let name = file.file_name().unwrap_or_default().to_string_lossy();
+        (BUNDLES.iter())
+            .filter(|other| other.module != bundle.module)
+            .any(|other| {
+                [
+                    format!("{}.js", other.module),
+                    format!("{}_bg.wasm", other.module),
+                ]
+                .contains(&name.to_string())
+            })
+    };
+    let mut files = files_of(dist)?;
+    files.retain(|file| !is_others(file));
     let mut raw = 0;
     for file in &files {
         raw += file
@@ -121,7 +163,8 @@ fn check_size(dist: &Path) -> Result<()> {
     }
     if process::find("node").is_none() {
         println!(
-            "  viewer: {} KiB (node is not here to say how much with brotli)",
+            "  viewer, {}: {} KiB (node is not here to say how much with brotli)",
+            bundle.feature,
             raw / 1024
         );
         return Ok(());
@@ -137,13 +180,17 @@ fn check_size(dist: &Path) -> Result<()> {
     let total = process::output(Command::new("node").args(["-e", script]).args(&files))?;
     let total: u64 = total.trim().parse().context("node printed no number")?;
     println!(
-        "  viewer: {} KiB, {} KiB with brotli (budget {} KiB)",
+        "  viewer, {}: {} KiB, {} KiB with brotli (budget {} KiB)",
+        bundle.feature,
         raw / 1024,
         total / 1024,
-        BUDGET_BYTES / 1024
+        bundle.budget_bytes / 1024
     );
-    ensure(total <= BUDGET_BYTES, || {
-        format!("the viewer takes {total} bytes, its budget is {BUDGET_BYTES}")
+    ensure(total <= bundle.budget_bytes, || {
+        format!(
+            "the viewer with {} takes {total} bytes, its budget is {}",
+            bundle.feature, bundle.budget_bytes
+        )
     })
 }
 

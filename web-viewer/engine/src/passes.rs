@@ -420,6 +420,23 @@ fn submit_before_uploads(
     queue.submit([copy.finish()]);
 }
 
+/// Layers to make an array texture of that needs `layers`.
+///
+/// With OpenGL wgpu takes one layer for a plain texture and every multiple of six for a cube, which cannot be bound as arrays.
+fn array_layers(device: &wgpu::Device, layers: u32) -> u32 {
+    if device.adapter_info().backend == wgpu::Backend::Gl {
+        some_layers(layers)
+    } else {
+        layers
+    }
+}
+
+/// The next number from `layers` on that is neither 1 nor a multiple of six.
+fn some_layers(layers: u32) -> u32 {
+    let several = layers.max(2);
+    several + u32::from(several.is_multiple_of(6))
+}
+
 fn instance_buffer(device: &wgpu::Device, bytes: u64) -> wgpu::Buffer {
     device.create_buffer(&wgpu::BufferDescriptor {
         label: Some("instances"),
@@ -440,4 +457,17 @@ pub fn clear_colour(rgb: [u8; 3], is_srgb: bool) -> wgpu::Color {
         }
     });
     wgpu::Color { r, g, b, a: 1.0 }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn layers_are_never_taken_for_a_plain_texture_or_a_cube() {
+        assert_eq!(
+            [1, 2, 5, 6, 7, 12, 252, 256].map(some_layers),
+            [2, 2, 5, 7, 7, 13, 253, 256]
+        );
+    }
 }

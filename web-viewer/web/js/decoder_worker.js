@@ -1,15 +1,15 @@
-// A worker that decodes images. The first message is the compiled module; it answers that it is ready, or why it is not. Every
-// later one is a job: its id and a message of the engine's.
+// A worker that decodes images. The first message is the compiled module and whose it is; it answers that it is ready, or why it
+// is not. Every later one is a job: its id and a message of the engine's.
 
-import init, { decodeImage } from "./marquetry_web.js";
+import { BUNDLES } from "./bundles.js";
 
-let ready = null;
+let engine = null;
 
 addEventListener("message", async ({ data }) => {
-  if (ready === null) {
-    ready = init({ module_or_path: data.module });
+  if (engine === null) {
     try {
-      await ready;
+      engine = await BUNDLES[data.api].glue();
+      await engine.default({ module_or_path: data.module });
       postMessage({ ready: true });
     } catch (error) {
       postMessage({ ready: false, reason: error.message });
@@ -18,7 +18,7 @@ addEventListener("message", async ({ data }) => {
   }
   const { id, message } = data;
   try {
-    const texels = decodeImage(message);
+    const texels = engine.decodeImage(message);
     postMessage({ id, texels }, [texels.buffer]);
   } catch (error) {
     // A panic leaves the module in a state that nothing is known of; an image that does not decode is no panic.

@@ -45,12 +45,12 @@ export class Decoders {
   #waiting = new Set();
   #nextId = 0;
   #replaced = 0;
-  #module;
+  #first;
   #startWorker;
 
-  /** Starts workers that run `module`, a compiled one. */
-  constructor(module, start = startWorker, processors = navigator.hardwareConcurrency ?? 2) {
-    this.#module = module;
+  /** Starts workers that run `module`, a compiled one of the bundle `api`. */
+  constructor(api, module, start = startWorker, processors = navigator.hardwareConcurrency ?? 2) {
+    this.#first = { api, module };
     this.#startWorker = start;
     const count = Math.min(Math.max(processors - 1, 1), MOST_WORKERS);
     for (let i = 0; i < count; i++) this.#start();
@@ -112,7 +112,7 @@ export class Decoders {
     let worker;
     try {
       worker = this.#startWorker();
-      worker.postMessage({ module: this.#module });
+      worker.postMessage(this.#first);
     } catch {
       return;
     }

@@ -9,12 +9,13 @@
 // measure, error. marquetry.d.ts has their details, and all members.
 
 import { Annotations, load as loadAnnotations } from "./annotations.js";
-import { Decoders } from "./decoders.js";
 import { Decoding } from "./decoding.js";
+import { decoders, loadEngine, MissingGraphics } from "./graphics.js";
 import { listen } from "./input.js";
 import { Measure } from "./measure.js";
 import { OVERLAY_STYLE, Overlay } from "./overlay.js";
 import { LoadError, Source } from "./source.js";
+import { sentence } from "./text.js";
 
 /** Attributes that are passed to the engine as they are. */
 const OPTIONS = ["error-px", "transition", "shade", "background", "cache", "section"];
@@ -55,36 +56,6 @@ const STYLE = `
   .action:hover { background: #8b8f9840; }
   @media (prefers-color-scheme: light) { .alert { color: #23211e; background: #e7e8ea; } }
 `;
-
-/** The generated module, loaded once for all viewers of the page, and the workers that run it as well. */
-let engine;
-let decoders;
-
-function loadEngine() {
-  if (engine) return engine;
-  const wasm = compile(fetch(new URL("marquetry_web_bg.wasm", import.meta.url)));
-  wasm.catch(() => {});
-  engine = import("./marquetry_web.js")
-    .then(async (module) => {
-      await module.default({ module_or_path: wasm });
-      decoders ??= new Decoders(await wasm);
-      return module;
-    })
-    .catch((error) => {
-      // The next viewer, or the next try, may have more luck.
-      engine = undefined;
-      throw new LoadError(`the viewer itself cannot be loaded: ${error.message}`);
-    });
-  return engine;
-}
-
-async function compile(fetched) {
-  const response = await fetched;
-  if (!response.ok) throw new Error(`HTTP ${response.status}`);
-  const isNamed = response.headers.get("Content-Type")?.startsWith("application/wasm");
-  // Some hosts do not know what wasm is.
-  return isNamed ? WebAssembly.compileStreaming(response) : WebAssembly.compile(await response.arrayBuffer());
-}
 
 export class MarquetryViewer extends HTMLElement {
   static observedAttributes = ["src", "camera", "time", "annotations", ...OPTIONS];
@@ -342,7 +313,6 @@ export class MarquetryViewer extends HTMLElement {
     let opener = null;
     try {
       const url = new URL(this.src, document.baseURI).href;
-      if (!navigator.gpu) throw new MissingWebGpu();
       const source = new Source(url, loading.signal);
       this.#source = source;
       // The first bytes are on their way while the engine loads.
@@ -364,7 +334,7 @@ export class MarquetryViewer extends HTMLElement {
       // The view takes it over, also when it refuses it.
       opener = null;
       this.#view = new module.View(this.#gpu, opened);
-      this.#decoding = new Decoding(this.#view, decoders, () => this.#wake());
+      this.#decoding = new Decoding(this.#view, decoders(), () => this.#wake());
       this.#applyAll(kept);
       this.#resize();
       this.#wake();
@@ -383,11 +353,16 @@ export class MarquetryViewer extends HTMLElement {
     try {
       gpu = await module.Gpu.open(canvas);
     } catch (error) {
-      throw new MissingWebGpu(error.message);
+      throw new MissingGraphics(error.message);
     }
     // The viewer may have left the page, or begun anew, meanwhile.
-    if (this.#canvas === canvas && !this.#gpu) this.#gpu = gpu;
-    else gpu.free();
+    if (this.#canvas === canvas && !this.#gpu) {
+      this.#gpu = gpu;
+      // WebGL's way to say that the device is lost.
+      canvas.addEventListener("webglcontextlost", () => this.#gpu === gpu && gpu.lose());
+    } else {
+      gpu.free();
+    }
   }
 
   #dropGpu() {
@@ -667,8 +642,8 @@ export class MarquetryViewer extends HTMLElement {
   }
 
   #fail(error) {
-    const kind = error instanceof MissingWebGpu ? "webgpu" : error instanceof LoadError ? "network" : "file";
-    const title = kind === "webgpu" ? "This browser cannot draw with WebGPU" : "This scan cannot be shown";
+    const kind = error instanceof MissingGraphics ? "graphics" : error instanceof LoadError ? "network" : "file";
+    const title = kind === "graphics" ? "This browser cannot draw in three dimensions" : "This scan cannot be shown";
     const message = sentence(error.message);
     this.#unload();
     const heading = document.createElement("strong");
@@ -692,22 +667,5 @@ export class MarquetryViewer extends HTMLElement {
 
 /** Bytes of the first read; the engine says so too, but is not here yet when it begins. */
 const FIRST_READ_BYTES = 64 * 1024;
-
-class MissingWebGpu extends Error {
-  constructor(reason) {
-    super(
-      (reason ? `${sentence(reason)} ` : "") +
-        "Chrome and Edge have WebGPU since version 113, Safari since 26, Firefox since 141 on Windows and 145 on macOS; " +
-        (window.isSecureContext
-          ? "it may have to be switched on, and graphics acceleration with it."
-          : "and all of them only on pages that come over https, or from this computer."),
-    );
-  }
-}
-
-function sentence(text) {
-  const whole = text.charAt(0).toUpperCase() + text.slice(1);
-  return /[.!?]$/.test(whole) ? whole : `${whole}.`;
-}
 
 if (!customElements.get("marquetry-viewer")) customElements.define("marquetry-viewer", MarquetryViewer);

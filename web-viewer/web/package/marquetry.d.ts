@@ -55,10 +55,10 @@ export interface ErrorDetail {
   /** Whether there is no picture any more. */
   fatal: boolean;
   /**
-   * `webgpu`: none here. `network`, `file`: the file cannot be had, or is not valid. `device`: the graphics device was lost
+   * `graphics`: neither WebGPU nor WebGL 2 here. `network`, `file`: the file cannot be had, or is not valid. `device`: the graphics device was lost
    * and is started again. `replaced`: another file is there now. `option`: a wrong attribute. `annotations`: the notes.
    */
-  kind: "webgpu" | "network" | "file" | "device" | "replaced" | "option" | "annotations";
+  kind: "graphics" | "network" | "file" | "device" | "replaced" | "option" | "annotations";
 }
 
 /** Events of the element, by name. */

@@ -1,8 +1,8 @@
 //! A canvas and its GPU.
 //!
-//! Pictures are drawn to a texture of our own, in sRGB, and copied to the canvas. A canvas' texture cannot be sRGB,
+//! With WebGPU pictures are drawn to a texture of our own, in sRGB, and copied to the canvas. A canvas' texture cannot be sRGB,
 //! only views of it can, and software WebGPU (`SwiftShader`) forgets the encoding when it resolves samples into such a
-//! view. The copy costs next to nothing and is right everywhere.
+//! view. The copy costs next to nothing and is right everywhere. With WebGL 2 wgpu does the same by itself.
 
 use marquetry_engine::Renderer;
 use marquetry_engine::wgpu;
@@ -12,6 +12,9 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, OnceLock};
 use wasm_bindgen::prelude::*;
 use web_sys::HtmlCanvasElement;
+
+/// Whether this bundle draws with WebGL 2 instead of WebGPU.
+const IS_WEBGL: bool = cfg!(feature = "webgl2");
 
 /// A canvas that can be drawn to.
 #[wasm_bindgen]
@@ -54,7 +57,11 @@ impl Gpu {
     /// When there is no adapter or no device, in words for the user.
     pub async fn open(canvas: HtmlCanvasElement) -> Result<Gpu, JsError> {
         let instance = wgpu::Instance::new(wgpu::InstanceDescriptor {
-            backends: wgpu::Backends::BROWSER_WEBGPU,
+            backends: if IS_WEBGL {
+                wgpu::Backends::GL
+            } else {
+                wgpu::Backends::BROWSER_WEBGPU
+            },
             ..wgpu::InstanceDescriptor::new_without_display_handle()
         });
         let surface = instance.create_surface(wgpu::SurfaceTarget::Canvas(canvas))?;
@@ -101,11 +108,12 @@ impl Gpu {
             .formats
             .first()
             .ok_or_else(|| JsError::new("the canvas cannot be drawn to"))?;
+        let api = if IS_WEBGL { "WebGL 2" } else { "WebGPU" };
         let name = adapter.get_info().name;
-        let adapter = if name.is_empty() {
-            "WebGPU".to_owned()
-        } else {
-            name
+        let adapter = match name.as_str() {
+            "" => api.to_owned(),
+            name if IS_WEBGL => format!("{name} ({api})"),
+            _ => name,
         };
         let format = surface_format.add_srgb_suffix();
         Ok(Self {
@@ -122,6 +130,13 @@ impl Gpu {
                 closed,
             }),
         })
+    }
+
+    /// The browser has taken the context of WebGL away. (WebGPU tells that by itself.)
+    pub fn lose(&self) {
+        self.context.lost.store(true, Ordering::Relaxed);
+        let message = "the graphics device was lost: the browser took it away";
+        let _ = self.context.fault.set(message.to_owned());
     }
 
     /// Longest side of a picture, pixels.
@@ -147,8 +162,16 @@ impl Context {
         self.surface.configure(
             &self.device,
             &wgpu::SurfaceConfiguration {
-                usage: wgpu::TextureUsages::COPY_DST,
-                format: self.surface_format,
+                usage: if IS_WEBGL {
+                    wgpu::TextureUsages::RENDER_ATTACHMENT
+                } else {
+                    wgpu::TextureUsages::COPY_DST
+                },
+                format: if IS_WEBGL {
+                    self.format
+                } else {
+                    self.surface_format
+                },
                 color_space: wgpu::SurfaceColorSpace::default(),
                 width,
                 height,
@@ -158,6 +181,9 @@ impl Context {
                 view_formats: Vec::new(),
             },
         );
+        if IS_WEBGL {
+            return;
+        }
         let picture = self.device.create_texture(&wgpu::TextureDescriptor {
             label: Some("picture"),
             size: wgpu::Extent3d {
@@ -184,11 +210,21 @@ impl Context {
         draw: impl FnOnce(&wgpu::TextureView) -> Result<(), E>,
     ) -> Result<bool, E> {
         use wgpu::CurrentSurfaceTexture::{Suboptimal, Success};
+        let view =
+            |texture: &wgpu::Texture| texture.create_view(&wgpu::TextureViewDescriptor::default());
+        if IS_WEBGL {
+            let (Success(canvas) | Suboptimal(canvas)) = self.surface.get_current_texture() else {
+                return Ok(false);
+            };
+            draw(&view(&canvas.texture))?;
+            self.queue.present(canvas);
+            return Ok(true);
+        }
         let picture = self.picture.borrow();
         let Some(picture) = picture.as_ref() else {
             return Ok(false);
         };
-        draw(&picture.create_view(&wgpu::TextureViewDescriptor::default()))?;
+        draw(&view(picture))?;
         let (Success(canvas) | Suboptimal(canvas)) = self.surface.get_current_texture() else {
             return Ok(false);
         };

@@ -1,5 +1,6 @@
 //! The textures that hold the samples of resident pages.
 
+use super::array_layers;
 use crate::EngineError;
 use crate::residency::upload::{LAYER_SIZE, MAX_LAYERS, Slot, Upload};
 
@@ -33,7 +34,7 @@ impl AtlasTextures {
                 size: wgpu::Extent3d {
                     width: size,
                     height: size,
-                    depth_or_array_layers: layers,
+                    depth_or_array_layers: array_layers(device, layers),
                 },
                 mip_level_count: 1,
                 sample_count: 1,

@@ -1,5 +1,6 @@
 //! The texture of colour tiles, and the map of what each place shows.
 
+use super::array_layers;
 use crate::EngineError;
 use crate::colour::map::{ROW_ENTRIES, TileMap};
 use crate::colour::slots::{LAYER_SIZE, MAX_LAYERS, MIPS};
@@ -208,7 +209,7 @@ pub(super) fn texel_texture(device: &wgpu::Device, side: u32, layers: u32) -> wg
         size: wgpu::Extent3d {
             width: side,
             height: side,
-            depth_or_array_layers: layers,
+            depth_or_array_layers: array_layers(device, layers),
         },
         mip_level_count: if side > 1 { MIPS } else { 1 },
         sample_count: 1,

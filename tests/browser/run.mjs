@@ -6,6 +6,7 @@ import assert from "node:assert/strict";
 import { existsSync, mkdirSync, readFileSync, writeFileSync } from "node:fs";
 import { join, resolve } from "node:path";
 import { Checks, Marquetry, ROOT, browser, decode, options, scan, texturedScan } from "./harness.mjs";
+import { ALL_VIEWS, flyPaths } from "./paths.mjs";
 import { maskedSsim } from "./ssim.mjs";
 import { PATIENCE_MS, ViewerPage } from "./viewer_page.mjs";
 
@@ -61,6 +62,7 @@ try {
   await otherHosts();
   await embedding();
   await failures();
+  await paths();
 } finally {
   await chromium.close();
   server.stop();
@@ -587,6 +589,18 @@ async function failures() {
     await viewer.state("ready", "settled");
     await viewer.close();
   });
+}
+
+/** Caches hold a part of what the closest view takes. */
+async function paths() {
+  await flyPaths(checks, chromium, server, "dragon", 2_500_000);
+  if (!ALL_VIEWS) return;
+  for (const [name, scan, cacheBytes] of [["komaba", "komaba_scan_1m.ply", 16_000_000], ["meshroom", "textured_meshroom/texturedMesh.obj", 8_000_000]]) {
+    const path = join(ROOT, "../shared/data", scan);
+    if (!existsSync(path)) continue;
+    await marquetry.convert(path, join(served, `${name}.marq`));
+    await flyPaths(checks, chromium, server, name, cacheBytes);
+  }
 }
 
 /** Two fingers that move apart, by the browser's own touch input. */

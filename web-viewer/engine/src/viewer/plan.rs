@@ -1,6 +1,6 @@
 //! Which cut a view gets, and which pages that takes.
 //!
-//! Where the wanted pages do not fit the cache, the target error of everything beyond the base is raised, in steps of a
+//! Where the wanted pages do not fit the cache, or there are more clusters than slots, the target error of everything beyond the base is raised, in steps of a
 //! quarter octave, until they do. The smallest step that fits is searched for, so it is a function of the view, not of
 //! history.
 
@@ -14,10 +14,13 @@ use crate::lod::residency::{NeededPage, needed_pages, restrict};
 use crate::lod::rest::at_rest;
 use crate::options::Transition;
 use crate::residency::page_table::{bytes_of, bytes_of_cluster};
+use crate::residency::upload::MAX_CLUSTER_SLOTS;
 use marquetry_format::{ClusterGroupId, PageId};
 
 /// Steps of the target error to a factor of two.
 const BUDGET_STEPS_PER_OCTAVE: f64 = 4.0;
+/// Clusters that devices have room for beside the root, however large the cache is.
+const MOST_CLUSTERS: usize = MAX_CLUSTER_SLOTS as usize - 1;
 /// Beyond this step nothing but the base is wanted.
 const LAST_BUDGET_STEP: u32 = 120;
 
@@ -49,6 +52,7 @@ impl Viewer {
                 cluster::needed(&viewer.document, &wanted.cut),
             );
             let fits = viewer.cache_bytes(&needed.0, &needed.1) <= viewer.page_capacity()
+                && needed.1.len() <= MOST_CLUSTERS
                 || step >= LAST_BUDGET_STEP;
             (fits, wanted, needed)
         };

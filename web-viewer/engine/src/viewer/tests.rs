@@ -275,6 +275,35 @@ fn clusters_stream_within_the_same_budget() {
     assert!(finest > 20, "the test has seen {finest} clusters");
 }
 
+/// However large the cache: devices have so many slots and no more.
+#[test]
+fn more_clusters_than_slots_are_shown_coarser() {
+    let (document, bytes) = clustered(150_000).unwrap();
+    let mut viewer = Viewer::new(
+        document,
+        ViewerOptions {
+            error_px: 1e-2,
+            cache_bytes: 4 << 30,
+            ..ViewerOptions::default()
+        },
+    )
+    .unwrap();
+    for _ in 0..400 {
+        for request in viewer.update(0.1, VIEWPORT) {
+            let answer = bytes.read(request.range).unwrap();
+            viewer.deliver(request.id, Ok(answer));
+        }
+        if viewer.is_settled() {
+            break;
+        }
+    }
+    let stats = viewer.stats();
+    assert!(viewer.is_settled(), "{stats:?}");
+    assert!(stats.error_px > 1e-2 && stats.pages.missing == 0);
+    // The level above the leaves, which are too many, and a chart.
+    assert_eq!(stats.nodes, 3750 + 1, "{stats:?}");
+}
+
 /// What the renderer would know of textures: which slots show one.
 fn follow(viewer: &mut Viewer, shown: &mut BTreeMap<u32, Part>) {
     for change in viewer.take_texture_changes() {

@@ -444,6 +444,17 @@ async function webgl() {
       return `SSIM ${ssim.toFixed(4)}`;
     });
   }
+  await checks.run("an adapter that gives no device is as good as none", async () => {
+    const viewer = await ViewerPage.open(chromium, `${server.url}/?file=textured`, {
+      prepare: (page) => page.addInitScript(() => (GPUAdapter.prototype.requestDevice = () => Promise.reject(new Error("no")))),
+    });
+    await viewer.settle();
+    const { adapter, decoding } = await viewer.read((element) => element.stats());
+    assert.match(adapter, /WebGL 2/);
+    assert.ok(decoding.by_workers > 0);
+    assert.deepEqual(viewer.complaints, []);
+    await viewer.close();
+  });
   await checks.run("a lost context of WebGL is replaced, and the view stays", async () => {
     const viewer = await ViewerPage.open(chromium, `${server.url}/?file=textured`, { prepare: withoutWebGpu });
     await viewer.settle();

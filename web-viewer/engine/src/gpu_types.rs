@@ -4,6 +4,7 @@ use crate::camera::View;
 use crate::colour::map::{MapPlace, NO_TILES};
 use crate::lod::edge_morph::SideMode;
 use crate::lod::{Cut, Leaf};
+use crate::numbers::NumberSet;
 use crate::options::Shade;
 use crate::residency::upload::Slot;
 use crate::section::HalfSpace;
@@ -221,17 +222,16 @@ impl ClusterList {
     /// Collects clusters, each once.
     pub fn new(clusters: impl Iterator<Item = DrawnCluster>) -> Self {
         let mut list = Self::default();
-        let mut slots = Vec::new();
+        let mut slots = NumberSet::default();
         for cluster in clusters {
             list.nodes += 1;
             list.triangles += u64::from(cluster.triangles);
-            slots.push(cluster.slot);
+            slots.insert(cluster.slot);
             if cluster.morph > 0.0 {
                 list.morphs.push((cluster.slot, cluster.morph));
             }
         }
-        slots.sort_unstable();
-        for slot in slots {
+        for slot in slots.iter() {
             match list.runs.last_mut() {
                 Some(run) if run.end == slot => run.end += 1,
                 _ => list.runs.push(slot..slot + 1),

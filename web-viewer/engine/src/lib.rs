@@ -23,6 +23,7 @@ pub mod decode;
 pub mod error;
 pub mod gpu_types;
 pub mod lod;
+pub mod numbers;
 pub mod options;
 pub mod passes;
 pub mod pick;

@@ -21,9 +21,9 @@ use crate::lod::cluster::morph;
 use crate::lod::cut::{Cut, Leaf};
 use crate::lod::desire::{Forest, Wanted};
 use crate::lod::edge_morph::{morph_of, side_modes};
+use crate::numbers::{NumberMap, NumberSet};
 use crate::options::Shade;
 use crate::residency::fetch::{Delivery, Fetcher, Item};
-use crate::residency::ids::{IdMap, IdSet};
 use crate::residency::page_table::PageTable;
 use crate::residency::textures::{Key, TextureChange};
 use crate::residency::upload::{ClusterUpload, MAX_LAYERS, Upload};
@@ -66,8 +66,10 @@ pub struct Viewer {
     budget_step: u32,
     wanted: Wanted,
     needed: Vec<Needed>,
-    needed_index: IdMap<PageId, usize>,
-    pinned: IdSet<PageId>,
+    needed_index: NumberMap,
+    pinned: NumberSet,
+    /// What these are the pages of, and how many it needs, where it is drawn and nothing else.
+    pinned_for: Option<(Cut, usize)>,
     /// What is drawn towards: what is there of what is wanted.
     target: Drawn,
     drawn: Drawn,
@@ -178,8 +180,9 @@ impl Viewer {
                 blocks: BTreeSet::new(),
             },
             needed: Vec::new(),
-            needed_index: IdMap::default(),
-            pinned: IdSet::default(),
+            needed_index: NumberMap::default(),
+            pinned: NumberSet::default(),
+            pinned_for: None,
             target: Drawn::of(coarsest.clone()),
             drawn: Drawn::of(coarsest),
             draw_list: DrawList::default(),

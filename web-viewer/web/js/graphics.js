@@ -22,6 +22,8 @@ let api;
 /** The generated module, loaded once for all viewers of the page, and the workers that run it as well. */
 let engine;
 let workers;
+/** The module that draws with WebGPU, if that was loaded. */
+let webgpu;
 
 /** The engine for what this browser draws with. */
 export function loadEngine() {
@@ -35,19 +37,27 @@ export function loadEngine() {
   return engine;
 }
 
+/** Draws with WebGL 2 from now on, as `module` got no device; whether that is another try, since it was WebGPU's. */
+export function giveUpWebGpu(module) {
+  if (!module || module !== webgpu) return false;
+  if (api === "webgpu") [api, engine] = ["webgl2", undefined];
+  return true;
+}
+
 /** The workers that decode images; there once the engine is. */
 export function decoders() {
   return workers;
 }
 
 async function load() {
-  api ??= await chosen();
-  const { glue, wasm } = BUNDLES[api];
+  const own = (api ??= await chosen());
+  const { glue, wasm } = BUNDLES[own];
   const compiled = compile(fetch(wasm()));
   compiled.catch(() => {});
   const module = await glue();
   await module.default({ module_or_path: compiled });
-  workers ??= new Decoders(api, await compiled);
+  if (own === "webgpu") webgpu = module;
+  workers ??= new Decoders(own, await compiled);
   return module;
 }
 

@@ -10,7 +10,7 @@
 
 import { Annotations, load as loadAnnotations } from "./annotations.js";
 import { Decoding } from "./decoding.js";
-import { decoders, loadEngine, MissingGraphics } from "./graphics.js";
+import { decoders, giveUpWebGpu, loadEngine, MissingGraphics } from "./graphics.js";
 import { listen } from "./input.js";
 import { Measure } from "./measure.js";
 import { OVERLAY_STYLE, Overlay } from "./overlay.js";
@@ -311,6 +311,7 @@ export class MarquetryViewer extends HTMLElement {
     this.#loading = loading;
     const gone = () => loading.signal.aborted;
     let opener = null;
+    let module;
     try {
       const url = new URL(this.src, document.baseURI).href;
       const source = new Source(url, loading.signal);
@@ -318,7 +319,7 @@ export class MarquetryViewer extends HTMLElement {
       // The first bytes are on their way while the engine loads.
       const first = source.range(0, FIRST_READ_BYTES);
       first.catch(() => {});
-      const module = await loadEngine();
+      module = await loadEngine();
       opener = new module.Opener();
       let bytes = opener.end === FIRST_READ_BYTES ? await first : null;
       while (!opener.isOpen) {
@@ -340,7 +341,11 @@ export class MarquetryViewer extends HTMLElement {
       this.#wake();
       this.#loadAnnotations();
     } catch (error) {
-      if (!gone()) this.#fail(error);
+      if (gone()) return;
+      if (error instanceof MissingGraphics && giveUpWebGpu(module)) {
+        this.#dropGpu();
+        this.#load(kept);
+      } else this.#fail(error);
     } finally {
       opener?.free();
     }

@@ -51,8 +51,8 @@ pub(super) fn descend(
         return;
     };
     let mut stack = vec![ClusterId(0)];
-    // The members that are reached so far, of groups where others are not.
-    let mut waiting: BTreeMap<ClusterGroupId, Vec<ClusterId>> = BTreeMap::new();
+    // Members of groups of several that are reached, and by group how many.
+    let (mut reached, mut counts) = (Vec::new(), Vec::new());
     while let Some(id) = stack.pop() {
         let Some(node) = clusters.node(id) else {
             continue;
@@ -63,12 +63,15 @@ pub(super) fn descend(
             continue;
         };
         if group.members.len() > 1 {
-            let reached = waiting.entry(group_id).or_default();
-            reached.push(id);
-            if reached.len() < group.members.len() {
+            let number = group_id.0 as usize;
+            if number >= counts.len() {
+                counts.resize(number + 1, 0);
+            }
+            reached.push((group_id, id));
+            counts[number] += 1;
+            if counts[number] < group.members.len() {
                 continue;
             }
-            waiting.remove(&group_id);
         }
         let is_split = splits(group);
         for &member in &group.members {
@@ -80,8 +83,18 @@ pub(super) fn descend(
             stack.extend(group.children.clone().rev().map(ClusterId));
         }
     }
-    for id in waiting.into_values().flatten() {
-        if let Some(node) = clusters.node(id) {
+    let is_waiting = |group: &ClusterGroupId| {
+        let members = clusters
+            .group(*group)
+            .map_or(0, |group| group.members.len());
+        counts
+            .get(group.0 as usize)
+            .is_some_and(|&count| count < members)
+    };
+    for (group, id) in reached {
+        if is_waiting(&group)
+            && let Some(node) = clusters.node(id)
+        {
             visit(id, node, false);
         }
     }

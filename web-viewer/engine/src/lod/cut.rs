@@ -3,6 +3,7 @@
 //! Resolutions are those of the whole chart: a leaf at level L > 0 is drawn with 32² cells, which is resolution 5 + L.
 //! A chart that draws its root has one leaf; so every chart is always covered, whatever is in the cut.
 
+use crate::numbers::NumberSet;
 use marquetry_format::quadtree::PAGE_RESOLUTION;
 use marquetry_format::{Chart, ChartId, ClusterGroup, ClusterId, NodeId, Quadrant, Side};
 use std::collections::BTreeSet;
@@ -64,7 +65,7 @@ pub struct Cut {
     charts: Vec<ChartCut>,
     /// Clusters in whose place the children of their group are drawn: of a group all members or none. See
     /// [`cluster`](super::cluster).
-    split_clusters: BTreeSet<ClusterId>,
+    split_clusters: NumberSet,
 }
 
 impl Cut {
@@ -72,13 +73,13 @@ impl Cut {
     pub fn coarsest(charts: usize) -> Self {
         Self {
             charts: vec![ChartCut::default(); charts],
-            split_clusters: BTreeSet::new(),
+            split_clusters: NumberSet::default(),
         }
     }
 
     /// Whether the children of a cluster's group (or what is below them) are drawn in place of the group.
     pub fn is_cluster_split(&self, id: ClusterId) -> bool {
-        self.split_clusters.contains(&id)
+        self.split_clusters.contains(id.0)
     }
 
     /// Whether the children of a group of clusters (or what is below them) are drawn in its place.
@@ -89,19 +90,20 @@ impl Cut {
 
     /// Draws the children of a group of clusters in place of all its members, where all of these are reached.
     pub fn split_group(&mut self, group: &ClusterGroup) {
-        self.split_clusters.extend(&group.members);
+        let members = group.members.iter();
+        self.split_clusters.extend(members.map(|member| member.0));
     }
 
     /// Draws a group of clusters in place of its children, none of which is split.
     pub fn merge_group(&mut self, group: &ClusterGroup) {
         for member in &group.members {
-            self.split_clusters.remove(member);
+            self.split_clusters.remove(member.0);
         }
     }
 
     /// The clusters whose groups are split, ascending.
     pub fn split_clusters(&self) -> impl Iterator<Item = ClusterId> + '_ {
-        self.split_clusters.iter().copied()
+        self.split_clusters.iter().map(ClusterId)
     }
 
     /// Draws the root of the clusters.

@@ -4,7 +4,7 @@
 //! page is decoded, so what is under way is in the budget as well. Pinned pages (those of the cut that is drawn or wanted) and
 //! pages with a child that is resident or being decoded are not evictable.
 
-use super::ids::{IdMap, IdSet};
+use super::ids::IdMap;
 use super::lru::Lru;
 use super::textures::{Key, Lending, Seen, TextureChange, TexturePool, Ticket};
 use super::upload::{
@@ -13,6 +13,7 @@ use super::upload::{
 };
 use crate::colour::upload::Mip;
 use crate::lod::cluster::target::{GroupSurface, Targets};
+use crate::numbers::{NumberMap, NumberSet};
 use marquetry_format::cluster::ClusterTexture;
 use marquetry_format::{ClusterGroupId, ClusterMesh, Document, PageId, PageSamples};
 use std::collections::VecDeque;
@@ -70,13 +71,16 @@ pub struct Budget<'a> {
     /// Most bytes.
     pub capacity_bytes: u64,
     /// Pages that are not evicted.
-    pub pinned: &'a IdSet<PageId>,
+    pub pinned: &'a NumberSet,
 }
 
 /// All resident pages of one file, and the base.
 #[derive(Debug, Default)]
 pub struct PageTable {
     pages: IdMap<PageId, Resident>,
+    /// Their numbers, and the slots of those that are clusters.
+    resident: NumberSet,
+    slots_of_clusters: NumberMap,
     reserved: IdMap<PageId, Reserved>,
     lru: Lru<PageId>,
     slots: SlotAllocator,
@@ -130,7 +134,7 @@ impl PageTable {
 
     /// Whether `page` is resident.
     pub fn contains(&self, page: PageId) -> bool {
-        self.pages.contains_key(&page)
+        self.resident.contains(page.0)
     }
 
     /// The slot of `page`.
@@ -143,7 +147,7 @@ impl PageTable {
 
     /// The slot of the cluster whose mesh `page` holds; of the root for `None`.
     pub fn cluster_slot(&self, page: Option<PageId>) -> Option<u32> {
-        cluster_slot_of(&self.pages, self.root_cluster, page)
+        cluster_slot_of(&self.slots_of_clusters, self.root_cluster, page)
     }
 
     /// The slot of the base of chart `index`.
@@ -213,7 +217,7 @@ impl PageTable {
                     None => root,
                     Some(page) => texture_of(&self.pages, page),
                 }?;
-                let slot = cluster_slot_of(&self.pages, self.root_cluster, key)?;
+                let slot = cluster_slot_of(&self.slots_of_clusters, self.root_cluster, key)?;
                 Some(Seen {
                     key,
                     slot,
@@ -381,6 +385,10 @@ impl PageTable {
         else {
             return;
         };
+        self.resident.insert(page.0);
+        if let Place::Cluster(slot) = place {
+            self.slots_of_clusters.insert(page.0, slot);
+        }
         self.pages.insert(
             page,
             Resident {
@@ -457,8 +465,8 @@ impl PageTable {
         self.evictions
     }
 
-    fn is_evictable(&self, page: PageId, pinned: &IdSet<PageId>) -> bool {
-        !pinned.contains(&page)
+    fn is_evictable(&self, page: PageId, pinned: &NumberSet) -> bool {
+        !pinned.contains(page.0)
             && self
                 .pages
                 .get(&page)
@@ -467,6 +475,8 @@ impl PageTable {
 
     fn evict(&mut self, page: PageId) {
         self.lru.remove(page);
+        self.resident.remove(page.0);
+        self.slots_of_clusters.remove(page.0);
         let Some(resident) = self.pages.remove(&page) else {
             return;
         };
@@ -487,18 +497,8 @@ impl PageTable {
     }
 }
 
-fn cluster_slot_of(
-    pages: &IdMap<PageId, Resident>,
-    root: Option<u32>,
-    page: Option<PageId>,
-) -> Option<u32> {
-    let Some(page) = page else {
-        return root;
-    };
-    match pages.get(&page)?.place {
-        Place::Texels(_) => None,
-        Place::Cluster(slot) => Some(slot),
-    }
+fn cluster_slot_of(slots: &NumberMap, root: Option<u32>, page: Option<PageId>) -> Option<u32> {
+    page.map_or(root, |page| slots.get(page.0))
 }
 
 fn texture_of(pages: &IdMap<PageId, Resident>, page: PageId) -> Option<&ClusterTexture> {
@@ -550,7 +550,7 @@ mod tests {
         id: u32,
         parent: Option<u32>,
         capacity_bytes: u64,
-        pinned: &IdSet<PageId>,
+        pinned: &NumberSet,
     ) -> bool {
         let budget = Budget {
             capacity_bytes,
@@ -567,7 +567,7 @@ mod tests {
         capacity: u64,
         pinned: &[u32],
     ) -> bool {
-        let pinned = pinned.iter().map(|id| PageId(*id)).collect();
+        let pinned = pinned.iter().copied().collect();
         reserve(table, id, parent, capacity, &pinned) && table.insert(PageId(id), page(5), true)
     }
 
@@ -600,7 +600,7 @@ mod tests {
 
     #[test]
     fn room_is_taken_before_decoding_and_holds_the_parent() {
-        let (mut table, nothing) = (PageTable::default(), IdSet::default());
+        let (mut table, nothing) = (PageTable::default(), NumberSet::default());
         let page_bytes = bytes_of(5, true, false);
         let capacity = 2 * page_bytes;
         assert!(put(&mut table, 0, None, capacity, &[]));

@@ -138,7 +138,9 @@ impl Viewer {
                 parent: what.parent,
                 node: None,
                 group: above.and_then(|node| node.group),
-                importance_px: above.map_or(0.0, |node| cluster_importance_px(view, node)),
+                importance_px: above
+                    .filter(|_| !self.table.contains(what.page))
+                    .map_or(0.0, |node| cluster_importance_px(view, node)),
                 allowed: true,
             });
         }
@@ -155,19 +157,18 @@ impl Viewer {
     /// Adds a page, which is allowed where its parent and the filter let it pass.
     fn add_needed(&mut self, mut needed: Needed) {
         let is_allowed = |page: &PageId| {
-            let index = self.needed_index.get(page);
+            let index = self.needed_index.get(page.0);
             index
-                .and_then(|&index| self.needed.get(index))
+                .and_then(|index| self.needed.get(index as usize))
                 .is_none_or(|needed| needed.allowed)
         };
-        let parent_allowed = needed.parent.iter().all(is_allowed)
-            && self.members(needed.group).all(|page| is_allowed(&page));
-        needed.allowed = parent_allowed
-            && self
-                .filter
-                .as_ref()
-                .is_none_or(|filter| filter(needed.page));
-        self.needed_index.insert(needed.page, self.needed.len());
+        needed.allowed = self.filter.as_ref().is_none_or(|filter| {
+            needed.parent.iter().all(is_allowed)
+                && self.members(needed.group).all(|page| is_allowed(&page))
+                && filter(needed.page)
+        });
+        let index = u32::try_from(self.needed.len()).unwrap_or(u32::MAX);
+        self.needed_index.insert(needed.page.0, index);
         self.needed.push(needed);
     }
 
@@ -183,7 +184,11 @@ impl Viewer {
     }
 
     /// Screen-space error, pixels, of what is drawn while `what` is not there.
+    /// 0 where it is there, as nobody asks.
     fn importance_px(&self, view: &View, what: &NeededPage) -> f64 {
+        if self.table.contains(what.page) {
+            return 0.0;
+        }
         let (node, resolution) = match what.node.parent() {
             Some((parent, _)) => (parent, None),
             None => (what.node, Some(usize::from(self.document.base_resolution))),
@@ -199,18 +204,29 @@ impl Viewer {
         error.map_or(0.0, |error| importance_px(view, *error, &entry.bounds))
     }
 
-    /// Pins the pages of the plan and of what is drawn, and marks them as used.
+    /// Pins the pages of the plan and of what is drawn, and marks them as used; what is pinned already is no less used than before.
     pub(super) fn pin(&mut self) {
-        let mut drawn = self.pages_of(&self.drawn.cut);
+        // Where it draws what it wants, the latter's pages are all.
+        let is_all = self.fade.is_none() && self.drawn.cut == self.wanted.cut;
+        let is_pinned = |(cut, needed): &(Cut, usize)| {
+            is_all && *cut == self.wanted.cut && *needed == self.needed.len()
+        };
+        if self.pinned_for.as_ref().is_some_and(is_pinned) {
+            return;
+        }
+        self.pinned_for = is_all.then(|| (self.wanted.cut.clone(), self.needed.len()));
+        let mut drawn = if is_all {
+            Vec::new()
+        } else {
+            self.pages_of(&self.drawn.cut)
+        };
         if let Some(fade) = &self.fade {
             drawn.extend(self.pages_of(&fade.leaving.cut));
         }
-        self.pinned = self
-            .needed
-            .iter()
-            .map(|needed| needed.page)
-            .chain(drawn.iter().copied())
-            .collect();
+        self.pinned.clear();
+        let needed = self.needed.iter().map(|needed| needed.page.0);
+        self.pinned
+            .extend(needed.chain(drawn.iter().map(|page| page.0)));
         self.table.touch(drawn.into_iter());
         self.table
             .touch(self.needed.iter().map(|needed| needed.page));

@@ -36,7 +36,7 @@ impl Viewer {
         self.take_in_finished();
         if self.fetcher.has_arrived() {
             let needed = &self.needed_index;
-            self.fetcher.want_only(|page| needed.contains_key(&page));
+            self.fetcher.want_only(|page| needed.get(page.0).is_some());
         }
         if self.jobs.decoding == Decoding::Elsewhere {
             return;
@@ -90,9 +90,9 @@ impl Viewer {
         self.table.group_surface(&self.document, what.group?)
     }
 
-    fn needed_page(&self, page: PageId) -> Option<Needed> {
-        let index = *self.needed_index.get(&page)?;
-        self.needed.get(index).copied()
+    pub(super) fn needed_page(&self, page: PageId) -> Option<Needed> {
+        let index = self.needed_index.get(page.0)?;
+        self.needed.get(index as usize).copied()
     }
 
     /// What a page takes; `None` while its index entry is not there.
@@ -148,7 +148,7 @@ impl Viewer {
 
     /// Puts a decoded page into place; drops it where it is not needed any more.
     pub(super) fn take_page(&mut self, page: PageId, decoded: Result<Decoded, String>) {
-        if !self.needed_index.contains_key(&page) {
+        if self.needed_index.get(page.0).is_none() {
             self.let_go(page);
             return;
         }

@@ -13,8 +13,9 @@
 use super::descend;
 use crate::lod::animate::Drawn;
 use crate::lod::cut::Cut;
+use crate::numbers::NumberSet;
 use marquetry_format::{Bounds, ClusterGroup, ClusterGroupId, ClusterId, Clusters, Document};
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeMap;
 
 /// Many levels at once do not take as many times as long.
 const HASTE: f32 = 3.0;
@@ -75,8 +76,12 @@ pub fn advance(
             (false, true) => at_rest(id),
             (false, false) => 1.0,
         };
+        let before = morphs.get(&id).copied().unwrap_or(0.0);
+        if before.total_cmp(&goal).is_eq() && goal < 1.0 {
+            continue;
+        }
         let step = step(group) * haste(clusters, group, target);
-        let morph = towards(morphs.get(&id).copied().unwrap_or(0.0), goal, step);
+        let morph = towards(before, goal, step);
         if morph >= 1.0 && !is_kept {
             cut.merge_group(group);
             changes = true;
@@ -137,9 +142,10 @@ fn haste(clusters: &Clusters, group: &ClusterGroup, target: &Cut) -> f32 {
 /// The groups that `cut` splits, those below first.
 fn split_groups(clusters: &Clusters, cut: &Cut) -> Vec<ClusterGroupId> {
     let nodes = cut.split_clusters();
-    let groups: BTreeSet<ClusterGroupId> =
-        nodes.filter_map(|id| clusters.node(id)?.group).collect();
-    groups.into_iter().rev().collect()
+    let groups: NumberSet = nodes
+        .filter_map(|id| Some(clusters.node(id)?.group?.0))
+        .collect();
+    groups.iter().rev().map(ClusterGroupId).collect()
 }
 
 #[cfg(test)]

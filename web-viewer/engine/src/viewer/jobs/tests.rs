@@ -2,7 +2,7 @@
 
 use super::super::tests::{Network, VIEWPORT, check};
 use super::*;
-use crate::residency::ids::IdSet;
+use crate::numbers::NumberSet;
 use crate::residency::page_table::Budget;
 use crate::testing::{Random, Shape, clustered_with};
 use crate::{Camera, ViewerOptions};
@@ -146,7 +146,7 @@ fn wandering_about_leaves_no_job_room_or_part_behind() {
                 check_jobs(&viewer);
             }
             dropped |= viewer.jobs.running.values().any(|job| match job.subject {
-                Subject::Page(page) => !viewer.needed_index.contains_key(&page),
+                Subject::Page(page) => viewer.needed_index.get(page.0).is_none(),
                 Subject::Tile(_) | Subject::Texture(_) => false,
             });
         }
@@ -183,7 +183,7 @@ fn child_job(mut network: Network) -> Option<(Viewer, DecodeJob, PageId, PageId)
             else {
                 panic!("a mesh is a page");
             };
-            let needed = viewer.needed[viewer.needed_index[&page]];
+            let needed = viewer.needed_page(page).unwrap();
             match needed.parent {
                 Some(parent) => return Some((viewer, job, page, parent)),
                 None => viewer.finish(job.run()),
@@ -202,7 +202,7 @@ fn a_parent_stays_while_its_child_is_decoded() {
         };
         found += 1;
         // Whatever can go has to go, and that is not enough.
-        let (used, nothing) = (viewer.table.used_bytes(), IdSet::default());
+        let (used, nothing) = (viewer.table.used_bytes(), NumberSet::default());
         let budget = Budget {
             capacity_bytes: used,
             pinned: &nothing,

@@ -4,6 +4,7 @@ use crate::lod::cluster::target::{GroupSurface, Targets};
 use crate::lod::cluster::{drawn, refine, triangles};
 use crate::testing::{Random, Wall, clustered};
 use marquetry_format::{ByteSource, ClusterMesh};
+use std::collections::BTreeSet;
 use std::sync::Arc;
 
 /// All meshes of a file, and what each moves to.

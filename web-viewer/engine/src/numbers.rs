@@ -110,11 +110,6 @@ impl NumberMap {
             *value = Self::NONE;
         }
     }
-
-    /// Takes out all numbers.
-    pub fn clear(&mut self) {
-        self.values.fill(Self::NONE);
-    }
 }
 
 /// The numbers of one word.
@@ -188,8 +183,6 @@ mod tests {
             let looked_up = random.below(120);
             assert_eq!(map.get(looked_up), tree.get(&looked_up).copied());
         }
-        map.clear();
-        assert!((0..200).all(|number| map.get(number).is_none()));
     }
 
     #[test]

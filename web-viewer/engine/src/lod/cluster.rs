@@ -52,7 +52,7 @@ pub(super) fn descend(
     };
     let mut stack = vec![ClusterId(0)];
     // Members of groups of several that are reached, and by group how many.
-    let (mut reached, mut counts) = (Vec::new(), Vec::new());
+    let (mut reached, mut counts) = (Vec::new(), vec![0u32; clusters.groups.len()]);
     while let Some(id) = stack.pop() {
         let Some(node) = clusters.node(id) else {
             continue;
@@ -63,13 +63,10 @@ pub(super) fn descend(
             continue;
         };
         if group.members.len() > 1 {
-            let number = group_id.0 as usize;
-            if number >= counts.len() {
-                counts.resize(number + 1, 0);
-            }
             reached.push((group_id, id));
-            counts[number] += 1;
-            if counts[number] < group.members.len() {
+            let count = &mut counts[group_id.0 as usize];
+            *count += 1;
+            if (*count as usize) < group.members.len() {
                 continue;
             }
         }
@@ -83,17 +80,10 @@ pub(super) fn descend(
             stack.extend(group.children.clone().rev().map(ClusterId));
         }
     }
-    let is_waiting = |group: &ClusterGroupId| {
-        let members = clusters
-            .group(*group)
-            .map_or(0, |group| group.members.len());
-        counts
-            .get(group.0 as usize)
-            .is_some_and(|&count| count < members)
-    };
-    for (group, id) in reached {
-        if is_waiting(&group)
-            && let Some(node) = clusters.node(id)
+    for (group_id, id) in reached {
+        let count = counts[group_id.0 as usize] as usize;
+        if let (Some(group), Some(node)) = (clusters.group(group_id), clusters.node(id))
+            && count < group.members.len()
         {
             visit(id, node, false);
         }

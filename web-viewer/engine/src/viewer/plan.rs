@@ -1,8 +1,8 @@
 //! Which cut a view gets, and which pages that takes.
 //!
-//! Where the wanted pages do not fit the cache, or there are more clusters than slots, the target error of everything beyond the base is raised, in steps of a
-//! quarter octave, until they do. The smallest step that fits is searched for, so it is a function of the view, not of
-//! history.
+//! Where the wanted pages do not fit the cache, or there are more clusters than slots, the target error of everything
+//! beyond the base is raised, in steps of a quarter octave, until they do. The smallest step that fits is searched for, so
+//! it is a function of the view, not of history.
 
 use super::{Needed, Viewer};
 use crate::camera::View;
@@ -118,8 +118,10 @@ impl Viewer {
     }
 
     fn need(&mut self, view: &View, pages: &[NeededPage], clusters: &[NeededCluster]) {
-        self.needed.clear();
-        self.needed_index.clear();
+        // Not all of the map, which is as long as the file has pages.
+        for needed in self.needed.drain(..) {
+            self.needed_index.remove(needed.page.0);
+        }
         for what in pages {
             self.add_needed(Needed {
                 page: what.page,
@@ -183,8 +185,7 @@ impl Viewer {
             .collect()
     }
 
-    /// Screen-space error, pixels, of what is drawn while `what` is not there.
-    /// 0 where it is there, as nobody asks.
+    /// Screen-space error, pixels, of what is drawn while `what` is not there; 0 where it is, as nobody asks.
     fn importance_px(&self, view: &View, what: &NeededPage) -> f64 {
         if self.table.contains(what.page) {
             return 0.0;

@@ -3,7 +3,7 @@
 //! Frames are those of a viewer at 60 frames a second with everything loaded before, so that only the change itself is seen. Each is
 //! compared with the whole input from the same eye (`marquetry_evaluation::popping`). The camera is slow: what the error looks like moves
 //! with it, and that is change from frame to frame as well, which would hide what levels do. Nearly all frames of so slow a flight
-//! show no change of levels; pictures are taken around some of the changes, evenly spread over the flight.
+//! show no change of levels; pictures are taken around some of the changes, evenly spread over the flight, and there it is slower still.
 //! Limit: one model; what many cost is in [`super::row`].
 
 use super::data::TransitionPoint;
@@ -30,6 +30,10 @@ const VIEWS: [usize; 2] = [0, 9];
 const CHANGES: usize = 6;
 /// Frames of a look: one before the change, and all that a transition of a quarter of a second takes.
 const LOOK: usize = 18;
+/// How much slower the camera is where one looks: at full speed what moves with it was more than all that `geomorph` does to a frame.
+const SLOWER: usize = 10;
+/// Frames of the path that hold a look, which begins between the first two.
+const SPAN: usize = 2 + LOOK.div_ceil(SLOWER);
 /// Frames of the path in one step on the way to the next change.
 const STRIDE: usize = 50;
 /// Each load of pages before a flight is from so many times nearer than the one before.
@@ -145,7 +149,50 @@ fn looks_at_changes(studio: &Studio<'_>, view: usize) -> anyhow::Result<Vec<Look
         looks.extend(looks_of(&path, &changes));
         path.reverse();
     }
+    for look in &mut looks {
+        slow_down(studio, &mut session, look)?;
+    }
     Ok(looks)
+}
+
+/// Flies to a look, and puts frames of a slower camera in place of those of the path, from the one before the change on.
+fn slow_down(studio: &Studio<'_>, session: &mut Session, look: &mut Look) -> anyhow::Result<()> {
+    if let Some(start) = look.start {
+        session.settle(start, studio.size)?;
+    }
+    for &camera in &look.way {
+        session.viewer().set_camera(camera);
+        session.step(STRIDE as f64 * FRAME_SECONDS, studio.size, Duration::ZERO);
+    }
+    let slow = slowed(&look.seen);
+    let mut last = None;
+    let mut before_change = 0;
+    for (frame, &camera) in slow.iter().take(SLOWER + 1).enumerate() {
+        session.viewer().set_camera(camera);
+        session.step(FRAME_SECONDS, studio.size, Duration::ZERO);
+        let cut = &session.viewer().drawn().cut;
+        if last.as_ref().is_some_and(|last| last != cut) {
+            before_change = frame - 1;
+            break;
+        }
+        last = Some(cut.clone());
+    }
+    look.seen = slow[before_change..].iter().take(LOOK).copied().collect();
+    Ok(())
+}
+
+/// The path flown [`SLOWER`] times slower.
+fn slowed(path: &[Camera]) -> Vec<Camera> {
+    let between = path.windows(2).flat_map(|pair| {
+        (0..SLOWER).map(|k| {
+            let part = k as f64 / SLOWER as f64;
+            Camera {
+                eye: pair[0].eye.lerp(pair[1].eye, part),
+                ..pair[0]
+            }
+        })
+    });
+    between.chain(path.last().copied()).collect()
 }
 
 /// Frames of the path that draw other levels than the one before.
@@ -171,7 +218,7 @@ fn changes(
     Ok(changes)
 }
 
-/// Looks at [`CHANGES`] of the `changes`, or all; one look does for those that it shows anyway.
+/// Looks at [`CHANGES`] of the `changes`, or all, as frames of the path; one look does for those that it shows anyway.
 fn looks_of(path: &[Camera], changes: &[usize]) -> Vec<Look> {
     let count = changes.len().min(CHANGES);
     let mut looks: Vec<Look> = Vec::new();
@@ -180,7 +227,7 @@ fn looks_of(path: &[Camera], changes: &[usize]) -> Vec<Look> {
     for k in 0..count {
         let change = changes[k * (changes.len() - 1) / (count - 1).max(1)];
         let begin = change.saturating_sub(1);
-        let end = (begin + LOOK).min(path.len());
+        let end = (begin + SPAN).min(path.len());
         if begin < flown {
             continue;
         }
@@ -260,12 +307,12 @@ mod tests {
             })
             .collect();
         let at = |camera: &Camera| camera.eye.x - 1.0;
-        let changes = [0, 100, 105, 300, 301, 302, 500, 700, 999];
+        let changes = [0, 100, 102, 300, 301, 302, 500, 700, 999];
         let looks = looks_of(&path, &changes);
         let begins: Vec<f64> = looks.iter().map(|look| at(&look.seen[0])).collect();
         assert_eq!(begins, [0.0, 99.0, 299.0, 499.0, 998.0]);
         assert!(looks[0].start.is_some() && looks[1..].iter().all(|look| look.start.is_none()));
-        assert_eq!(looks[0].seen.len(), LOOK);
+        assert_eq!(looks[0].seen.len(), SPAN);
         assert_eq!(looks[4].seen.len(), 2);
         // On the way nothing that was seen comes again, and all before the look.
         for pair in looks.windows(2) {
@@ -275,5 +322,12 @@ mod tests {
         }
         assert!(looks_of(&path, &[]).is_empty());
         assert_eq!(looks_of(&path, &[7]).len(), 1);
+        // Slower, every frame is as far from the next.
+        let slow = slowed(&looks[0].seen);
+        assert_eq!(slow.len(), (SPAN - 1) * SLOWER + 1);
+        assert!(slow.len() >= SLOWER + LOOK);
+        for pair in slow.windows(2) {
+            assert!((at(&pair[1]) - at(&pair[0]) - 1.0 / SLOWER as f64).abs() < 1e-9);
+        }
     }
 }

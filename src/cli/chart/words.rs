@@ -53,7 +53,7 @@ pub(super) const HOW_LARGEST: &str = "Solid: the largest distance found at the s
 pub(super) const HOW_EQUAL_COST: &str = "Every row is a setting of Marquetry; discrete LODs are read off their curve at as many triangles, from the same distance. The first columns are means over all views, the last over three at right angles (front, right, top). Cost is counted in triangles, since they are the same on every machine.";
 
 pub(super) const HOW_TRANSITIONS: &str = "A camera flies slowly away from the model and back, at 60 frames a second, from 1.5 to 40 radii, through all levels; pages are loaded \
-before. Frames are those around some of the changes of levels, evenly spread over the flight. Popping is the change from one frame to the next that pictures of the whole \
+before. Frames are those around some of the changes of levels, evenly spread over the flight; there it is ten times slower. Popping is the change from one frame to the next that pictures of the whole \
 input do not have: root mean square over the object's pixels, in percent of full brightness. The distance from the reference, which has been published as popping, is large \
 for whatever is coarse, whether it changes or not.";
 

@@ -22,6 +22,8 @@ const VIEWPORT: Viewport = Viewport {
 };
 /// Of the distance, from frame to frame.
 const STEP: f64 = 1e-4;
+/// The same where levels of a file change in most frames.
+const FAST: f64 = 1e-2;
 
 fn open() -> (Document, Vec<u8>, f64, f64) {
     if let Some(path) = std::env::var_os("MARQUETRY_BENCH_FILE") {
@@ -60,26 +62,32 @@ fn frames(criterion: &mut Criterion) {
     let mut group = criterion.benchmark_group("frame");
     group.sample_size(20);
     for transition in [Transition::None, Transition::Geomorph] {
-        let (mut viewer, radii) = settled(transition);
-        let stats = viewer.stats();
-        let visited = viewer.document().clusters.as_ref().unwrap().nodes.len();
-        eprintln!(
-            "{visited} nodes, of which {} are drawn with {} triangles",
-            stats.nodes, stats.triangles
-        );
-        let metadata = viewer.document().metadata.clone();
-        let mut frame = 0u32;
-        group.bench_function(format!("moving, {}", transition.name()), |bencher| {
-            bencher.iter(|| {
-                frame += 1;
-                // There and back, so that it stays where it is.
-                let phase = f64::from(frame % 200);
-                let away = 1.0 + STEP * phase.min(200.0 - phase);
-                let camera = Camera::standard(&metadata, 0, radii * away).unwrap();
-                viewer.set_camera(camera);
-                black_box(viewer.update(1.0 / 60.0, VIEWPORT).len())
+        for (what, step) in [("moving", STEP), ("fast", FAST)] {
+            let (mut viewer, radii) = settled(transition);
+            let stats = viewer.stats();
+            let visited = viewer.document().clusters.as_ref().unwrap().nodes.len();
+            eprintln!(
+                "{visited} nodes, of which {} are drawn with {} triangles",
+                stats.nodes, stats.triangles
+            );
+            let metadata = viewer.document().metadata.clone();
+            let (mut frame, mut changes) = (0u32, 0u32);
+            let mut drawn = stats.nodes;
+            group.bench_function(format!("{what}, {}", transition.name()), |bencher| {
+                bencher.iter(|| {
+                    frame += 1;
+                    // There and back, so that it stays where it is.
+                    let phase = f64::from(frame % 200);
+                    let away = 1.0 + step * phase.min(200.0 - phase);
+                    let camera = Camera::standard(&metadata, 0, radii * away).unwrap();
+                    viewer.set_camera(camera);
+                    black_box(viewer.update(1.0 / 60.0, VIEWPORT).len());
+                    let before = std::mem::replace(&mut drawn, viewer.stats().nodes);
+                    changes += u32::from(drawn != before);
+                });
             });
-        });
+            eprintln!("{changes} of {frame} frames drew more or fewer nodes than the one before");
+        }
     }
     group.finish();
 }

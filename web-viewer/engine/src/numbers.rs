@@ -36,6 +36,13 @@ impl NumberSet {
         was_there
     }
 
+    /// Whether all of its numbers are in `other`.
+    pub fn is_in(&self, other: &Self) -> bool {
+        let others = other.words.iter().copied().chain(std::iter::repeat(0));
+        let mut words = self.words.iter().zip(others);
+        words.all(|(own, others)| own & !others == 0)
+    }
+
     /// Takes out all numbers.
     pub fn clear(&mut self) {
         self.words.fill(0);
@@ -163,7 +170,13 @@ mod tests {
         }
         assert!(!set.contains(u32::MAX) && !set.remove(u32::MAX));
         assert_eq!(tree.iter().copied().collect::<NumberSet>(), set);
+        for fewer in [0, 1, 299] {
+            let part: NumberSet = tree.iter().copied().filter(|k| *k != fewer).collect();
+            assert!(part.is_in(&set));
+            assert_eq!(set.is_in(&part), !tree.contains(&fewer));
+        }
         set.clear();
+        assert!(set.is_in(&NumberSet::default()));
         assert_eq!(set.iter().next(), None);
     }
 

@@ -65,6 +65,8 @@ pub struct Viewer {
 
     budget_step: u32,
     wanted: Wanted,
+    /// What that takes; `None` before the first plan, and where the index has grown since.
+    room: Option<plan::Room>,
     needed: Vec<Needed>,
     needed_index: NumberMap,
     pinned: NumberSet,
@@ -75,6 +77,8 @@ pub struct Viewer {
     drawn: Drawn,
     draw_list: DrawList,
     cluster_list: ClusterList,
+    /// The clusters of the cut that was drawn last.
+    drawn_clusters: Option<(Cut, Vec<ClusterId>)>,
     fade: Option<fade::Fade>,
     fading: Option<fade::Fading>,
     glide: Option<glide::Glide>,
@@ -179,6 +183,7 @@ impl Viewer {
                 cut: coarsest.clone(),
                 blocks: BTreeSet::new(),
             },
+            room: None,
             needed: Vec::new(),
             needed_index: NumberMap::default(),
             pinned: NumberSet::default(),
@@ -187,6 +192,7 @@ impl Viewer {
             drawn: Drawn::of(coarsest),
             draw_list: DrawList::default(),
             cluster_list: ClusterList::default(),
+            drawn_clusters: None,
             fade: None,
             fading: None,
             glide: None,
@@ -330,6 +336,7 @@ impl Viewer {
         if self.stale.picture {
             self.stale.picture = false;
             self.stale.frame = true;
+            self.find_drawn_clusters();
             self.collect_both(&view);
             self.see_textures(&view);
             self.collect_clusters(&view);
@@ -352,6 +359,7 @@ impl Viewer {
             match self.document.load_index_block(block, &bytes) {
                 Ok(()) => {
                     self.fetcher.succeed(Item::Block(block));
+                    self.room = None;
                     self.stale.plan = true;
                 }
                 Err(error) => {

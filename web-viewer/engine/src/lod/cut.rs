@@ -106,6 +106,11 @@ impl Cut {
         self.split_clusters.iter().map(ClusterId)
     }
 
+    /// Whether the charts are cut alike, and no group of clusters is split that `other` does not split.
+    pub fn is_in(&self, other: &Self) -> bool {
+        self.charts == other.charts && self.split_clusters.is_in(&other.split_clusters)
+    }
+
     /// Draws the root of the clusters.
     pub fn collapse_clusters(&mut self) {
         self.split_clusters.clear();

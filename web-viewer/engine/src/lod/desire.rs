@@ -133,8 +133,10 @@ impl Forest {
             } else {
                 texels
             };
-            importance_px(target.view, node.error, &node.bounds) > limit
-                || texel_px(target.view, node) > texels
+            is_more_important(target.view, node.error, &node.bounds, limit)
+                || node.texel.is_some_and(|texel| {
+                    is_more_important(target.view, texel, &node.bounds, texels)
+                })
         });
         Wanted { cut, blocks }
     }
@@ -230,7 +232,7 @@ impl Walk<'_> {
     ) -> bool {
         let limit = self.target.limit_px(needs_page);
         let limit = if was_finer { HYSTERESIS * limit } else { limit };
-        importance_px(self.target.view, error, bounds) > limit
+        is_more_important(self.target.view, error, bounds, limit)
     }
 }
 
@@ -247,6 +249,12 @@ pub(super) fn root_error(document: &Document, chart: ChartId, resolution: u8) ->
 pub fn importance_px(view: &View, error: f32, bounds: &Bounds) -> f64 {
     let factor = if view.sees(bounds) { 1.0 } else { OUT_OF_SIGHT };
     factor * view.error_px(error, bounds)
+}
+
+/// Whether [`importance_px`] is above `limit`; whether it can be seen is only asked where that decides it.
+fn is_more_important(view: &View, error: f32, bounds: &Bounds, limit: f64) -> bool {
+    let px = view.error_px(error, bounds);
+    OUT_OF_SIGHT * px > limit || (px > limit && view.sees(bounds))
 }
 
 /// Length of a texel of a cluster's texture, pixels, less where it cannot be seen; 0 without a texture.

@@ -10,7 +10,7 @@
 //! finer surface's own error is below the target.
 
 use super::animate::Drawn;
-use super::cluster::{self, morph::GroupMorphs};
+use super::cluster::morph::{GroupMorphs, split_groups};
 use super::cut::{Cut, Leaf};
 use super::desire::{Forest, Target, root_error};
 use super::edge_morph::Morphs;
@@ -37,16 +37,19 @@ fn morph(coarser: f64, own: f64) -> f32 {
 }
 
 /// What `cut` draws when all of it has had time to get where `target` wants it.
-pub fn at_rest(document: &Document, forest: &Forest, target: &Target<'_>, cut: Cut) -> Drawn {
+///
+/// Groups of clusters whose children would be all the way on the coarser surface are drawn themselves, as that is the same: where two of the children's triangles have come to lie
+/// on each other, back to back, it is chance which one is seen, and flickers.
+pub fn at_rest(document: &Document, forest: &Forest, target: &Target<'_>, mut cut: Cut) -> Drawn {
     Drawn {
         morphs: leaf_morphs(document, forest, target, &cut),
-        group_morphs: group_morphs(document, target, &cut),
+        group_morphs: group_morphs(document, target, &mut cut),
         cut,
     }
 }
 
-/// Of groups of clusters that are split and of whose children none is.
-fn group_morphs(document: &Document, target: &Target<'_>, cut: &Cut) -> GroupMorphs {
+/// Of groups of clusters that are split and of whose children none is; those at 1 are merged.
+fn group_morphs(document: &Document, target: &Target<'_>, cut: &mut Cut) -> GroupMorphs {
     let Some(clusters) = &document.clusters else {
         return GroupMorphs::new();
     };
@@ -57,31 +60,31 @@ fn group_morphs(document: &Document, target: &Target<'_>, cut: &Cut) -> GroupMor
         parts.fold(0.0, f64::max)
     };
     let mut below = Vec::new();
-    let is_split = |group: &ClusterGroup| {
-        let is_split = cut.is_group_split(group);
+    for id in split_groups(clusters, cut) {
+        let Some(group) = clusters.group(id) else {
+            continue;
+        };
         let mut children = group.children.clone().map(ClusterId);
-        if is_split && !children.any(|child| cut.is_cluster_split(child)) {
-            below.clear();
-            below.extend(
-                group
-                    .children
-                    .clone()
-                    .filter_map(|child| clusters.node(ClusterId(child))?.group),
-            );
-            below.sort_unstable();
-            below.dedup();
-            let below = below.iter().filter_map(|&id| clusters.group(id));
-            let morph = morph(of_group(group), below.map(of_group).fold(0.0, f64::max));
-            let first = group.members.first().and_then(|&id| clusters.node(id));
-            if let Some(id) = first.and_then(|node| node.group)
-                && morph > 0.0
-            {
-                morphs.insert(id, morph);
-            }
+        if children.any(|child| cut.is_cluster_split(child)) {
+            continue;
         }
-        is_split
-    };
-    cluster::descend(document, is_split, |_, _, _| ());
+        below.clear();
+        below.extend(
+            group
+                .children
+                .clone()
+                .filter_map(|child| clusters.node(ClusterId(child))?.group),
+        );
+        below.sort_unstable();
+        below.dedup();
+        let below = below.iter().filter_map(|&id| clusters.group(id));
+        let morph = morph(of_group(group), below.map(of_group).fold(0.0, f64::max));
+        if morph >= 1.0 {
+            cut.merge_group(group);
+        } else if morph > 0.0 {
+            morphs.insert(id, morph);
+        }
+    }
     morphs
 }
 

@@ -229,6 +229,18 @@ impl PageTable {
         self.textures.lend(&seen, capacity_bytes, most)
     }
 
+    /// Marks textures that are `seen` as used, where all of them are served; whether they are.
+    pub fn touch_served(&mut self, seen: &[(Key, u8)]) -> bool {
+        let textures = &mut self.textures;
+        let is_all = (seen.iter()).all(|&(key, halvings)| textures.is_served(key, halvings));
+        if is_all {
+            for &(key, _) in seen {
+                textures.touch(key);
+            }
+        }
+        is_all
+    }
+
     /// Takes what came of an image; see [`TexturePool::finish`].
     pub fn finish_texture(&mut self, ticket: Ticket, decoded: Result<Vec<Mip>, String>) {
         self.textures.finish(ticket, decoded);

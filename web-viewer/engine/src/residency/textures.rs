@@ -192,6 +192,18 @@ pub struct TexturePool {
 }
 
 impl TexturePool {
+    /// Whether a texture has a part that is large enough, or will have none, as its image does not decode.
+    pub fn is_served(&self, key: Key, halvings: u8) -> bool {
+        let lent = self.lent.get(&key);
+        lent.is_some_and(|lent| lent.part.halvings <= halvings.min(SIZES - 1))
+            || self.damaged.contains(&key)
+    }
+
+    /// Marks a texture as used, where it has a part.
+    pub fn touch(&mut self, key: Key) {
+        self.lru.touch_known(key);
+    }
+
     /// Lends parts that are large enough to those of `seen` that have none, `most` of them now, within `capacity_bytes`.
     pub fn lend(&mut self, seen: &[Seen<'_>], capacity_bytes: u64, most: usize) -> Lending {
         let wanted: IdMap<Key, u8> = seen

@@ -6,7 +6,6 @@ use crate::camera::View;
 use crate::colour::layer::ColourLayer;
 use crate::colour::slots::MARGIN;
 use crate::decode::{DecodeJob, Decoding, ImageWork, Work};
-use crate::lod::cluster;
 use crate::residency::textures::{Key, Lending, SIZES, bytes_of_texture};
 use crate::{RequestId, Transition};
 use marquetry_format::colour::GUTTER;
@@ -51,8 +50,7 @@ impl Viewer {
         else {
             return;
         };
-        let mut seen: Vec<(f64, Key)> = cluster::drawn(&self.document, &self.drawn.cut)
-            .into_iter()
+        let mut seen: Vec<(f64, Key)> = (self.drawn_clusters())
             .filter_map(|id| {
                 let node = tree.node(id)?;
                 let texel = node.texel.filter(|_| view.sees(&node.bounds))?;
@@ -61,7 +59,6 @@ impl Viewer {
                 (texel_px >= LEAST_TEXEL_PX).then_some((texel_px, page))
             })
             .collect();
-        seen.sort_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
         let halvings = |texel_px: f64| {
             #[expect(
                 clippy::cast_possible_truncation,
@@ -71,18 +68,33 @@ impl Viewer {
             let halvings = (-texel_px.log2()).max(0.0) as u8;
             halvings
         };
-        let capacity = self.texture_capacity();
-        let coarser_by = |bias: u8| -> Vec<(Key, u8)> {
-            let seen = seen.iter();
-            seen.map(|&(texel_px, key)| (key, halvings(texel_px).saturating_add(bias)))
-                .collect()
+        // Beyond the smallest size all are alike.
+        let mut counts = [0u64; SIZES as usize];
+        for &(texel_px, _) in &seen {
+            counts[usize::from(halvings(texel_px).min(SIZES - 1))] += 1;
+        }
+        let bytes = |bias: u8| -> u64 {
+            let counts = (0..SIZES).zip(counts);
+            counts
+                .map(|(k, count)| count * bytes_of_texture(k + bias))
+                .sum()
         };
         // As sharp as there is room for all of them.
-        self.seen_textures = (0..SIZES)
-            .map(coarser_by)
-            .find(|seen| seen.iter().map(|&(_, k)| bytes_of_texture(k)).sum::<u64>() <= capacity)
-            .unwrap_or_else(|| coarser_by(SIZES));
-        self.textures_wait = !self.seen_textures.is_empty();
+        let capacity = self.texture_capacity();
+        let bias = (0..SIZES).find(|&bias| bytes(bias) <= capacity);
+        let bias = bias.unwrap_or(SIZES);
+        let sized = |&(texel_px, key): &(f64, Key)| {
+            let halvings = halvings(texel_px).saturating_add(bias);
+            (key, halvings)
+        };
+        self.seen_textures.extend(seen.iter().map(sized));
+        self.textures_wait = !self.table.touch_served(&self.seen_textures);
+        if self.textures_wait {
+            // The longest texels first.
+            seen.sort_unstable_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
+            self.seen_textures.clear();
+            self.seen_textures.extend(seen.iter().map(sized));
+        }
     }
 
     /// Decodes some of the textures that the picture shows and that are not there.

@@ -90,21 +90,37 @@ impl Viewer {
         self.draw_list = all.filtered(|instance| old.contains(&key(instance)));
     }
 
+    /// Has [`Viewer::drawn_clusters`] be those of what is drawn now.
+    pub(super) fn find_drawn_clusters(&mut self) {
+        let cut = &self.drawn.cut;
+        if (self.drawn_clusters.as_ref()).is_none_or(|(known, _)| known != cut) {
+            let ids = cluster::drawn(&self.document, cut);
+            self.drawn_clusters = Some((cut.clone(), ids));
+        }
+    }
+
+    /// The clusters that are drawn, in the picture or not.
+    pub(super) fn drawn_clusters(&self) -> impl Iterator<Item = ClusterId> + '_ {
+        let known = self.drawn_clusters.iter();
+        known.flat_map(|(_, ids)| ids.iter().copied())
+    }
+
     /// Collects the clusters that both pictures show, and those that only one of them does.
     pub(super) fn collect_clusters(&mut self, view: &View) {
         let document = &self.document;
-        let new = cluster::drawn(document, &self.drawn.cut);
+        let new = self.drawn_clusters();
         let list = |drawn: &Drawn, ids: &mut dyn Iterator<Item = ClusterId>| {
             ClusterList::new(ids.filter_map(|id| self.cluster(view, drawn, id)))
         };
         let Some(fade) = &self.fade else {
-            self.cluster_list = list(&self.drawn, &mut new.into_iter());
+            let all = list(&self.drawn, &mut { new });
+            self.cluster_list = all;
             return;
         };
         let old: BTreeSet<ClusterId> = cluster::drawn(document, &fade.leaving.cut)
             .into_iter()
             .collect();
-        let (both, arriving): (Vec<_>, Vec<_>) = new.into_iter().partition(|id| old.contains(id));
+        let (both, arriving): (Vec<_>, Vec<_>) = new.partition(|id| old.contains(id));
         let both = BTreeSet::from_iter(both);
         let leaving = list(&fade.leaving, &mut old.difference(&both).copied());
         let arriving = list(&self.drawn, &mut arriving.into_iter());

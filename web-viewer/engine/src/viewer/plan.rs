@@ -9,7 +9,7 @@ use crate::camera::View;
 use crate::lod::animate::Drawn;
 use crate::lod::cluster::{self, NeededCluster};
 use crate::lod::cut::Cut;
-use crate::lod::desire::{Target, cluster_importance_px, importance_px};
+use crate::lod::desire::{Target, Wanted, cluster_importance_px, importance_px};
 use crate::lod::residency::{NeededPage, needed_pages, restrict};
 use crate::lod::rest::at_rest;
 use crate::options::Transition;
@@ -23,6 +23,23 @@ const BUDGET_STEPS_PER_OCTAVE: f64 = 4.0;
 const MOST_CLUSTERS: usize = MAX_CLUSTER_SLOTS as usize - 1;
 /// Beyond this step nothing but the base is wanted.
 const LAST_BUDGET_STEP: u32 = 120;
+
+/// What a cut takes of the cache.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Room {
+    bytes: u64,
+    /// Pages that are clusters.
+    clusters: usize,
+}
+
+/// A cut that a view wants, and what it takes.
+struct Plan {
+    wanted: Wanted,
+    room: Room,
+    /// The pages it needs; `None` where the plan before has the same cut.
+    needed: Option<(Vec<NeededPage>, Vec<NeededCluster>)>,
+    fits: bool,
+}
 
 impl Viewer {
     /// Screen-space error, pixels, that pages beyond the base are wanted for at a budget step.
@@ -39,40 +56,67 @@ impl Viewer {
         self.stale.target = true;
         self.planned_resting = self.is_resting();
         let previous = (!self.planned_resting).then(|| self.wanted.cut.clone());
-        let try_step = |viewer: &Self, step: u32| {
-            let target = Target {
-                view,
-                error_px: viewer.options.error_px,
-                paged_error_px: viewer.paged_error_px(step),
-                previous: previous.as_ref(),
-            };
-            let wanted = viewer.forest.want(&viewer.document, &target);
-            let needed = (
-                needed_pages(&wanted.cut, &viewer.document),
-                cluster::needed(&viewer.document, &wanted.cut),
-            );
-            let fits = viewer.cache_bytes(&needed.0, &needed.1) <= viewer.page_capacity()
-                && needed.1.len() <= MOST_CLUSTERS
-                || step >= LAST_BUDGET_STEP;
-            (fits, wanted, needed)
-        };
-        let mut best = try_step(self, self.budget_step);
-        while !best.0 {
+        let mut best = self.try_step(view, previous.as_ref(), self.budget_step);
+        while !best.fits {
             self.budget_step += 1;
-            best = try_step(self, self.budget_step);
+            best = self.try_step(view, previous.as_ref(), self.budget_step);
         }
         while let Some(finer) = self.budget_step.checked_sub(1) {
-            let attempt = try_step(self, finer);
-            if !attempt.0 {
+            let attempt = self.try_step(view, previous.as_ref(), finer);
+            if !attempt.fits {
                 break;
             }
             self.budget_step = finer;
             best = attempt;
         }
-        let (_, wanted, needed) = best;
-        self.wanted = wanted;
-        self.need(view, &needed.0, &needed.1);
+        let is_new = best.needed.is_some();
+        // Nobody asks how much is to be seen of what is there.
+        if is_new || self.filter.is_some() || self.missing().next().is_some() {
+            let (pages, clusters) =
+                (best.needed).unwrap_or_else(|| self.needed_by(&best.wanted.cut));
+            self.need(view, &pages, &clusters);
+        }
+        self.wanted = best.wanted;
+        self.room = Some(best.room);
         self.pin();
+    }
+
+    /// The cut that a view wants at a budget step.
+    fn try_step(&self, view: &View, previous: Option<&Cut>, step: u32) -> Plan {
+        let target = Target {
+            view,
+            error_px: self.options.error_px,
+            paged_error_px: self.paged_error_px(step),
+            previous,
+        };
+        let wanted = self.forest.want(&self.document, &target);
+        let known = self.room.filter(|_| wanted.cut == self.wanted.cut);
+        let (room, needed) = known.map_or_else(
+            || {
+                let (pages, clusters) = self.needed_by(&wanted.cut);
+                let room = Room {
+                    bytes: self.cache_bytes(&pages, &clusters),
+                    clusters: clusters.len(),
+                };
+                (room, Some((pages, clusters)))
+            },
+            |room| (room, None),
+        );
+        let fits = room.bytes <= self.page_capacity() && room.clusters <= MOST_CLUSTERS
+            || step >= LAST_BUDGET_STEP;
+        Plan {
+            wanted,
+            room,
+            needed,
+            fits,
+        }
+    }
+
+    fn needed_by(&self, cut: &Cut) -> (Vec<NeededPage>, Vec<NeededCluster>) {
+        (
+            needed_pages(cut, &self.document),
+            cluster::needed(&self.document, cut),
+        )
     }
 
     /// Whether a change is shown in one frame.
@@ -82,9 +126,13 @@ impl Viewer {
 
     /// What is there of the plan, and how far on its way the view shows it at rest.
     pub(super) fn aim(&self, view: &View) -> Drawn {
-        let cut = restrict(&self.wanted.cut, &self.document, |page| {
-            self.table.contains(page)
-        });
+        let cut = if self.missing().next().is_none() {
+            self.wanted.cut.clone()
+        } else {
+            restrict(&self.wanted.cut, &self.document, |page| {
+                self.table.contains(page)
+            })
+        };
         if self.changes_at_once() || self.fades() {
             return Drawn::of(cut);
         }
@@ -207,8 +255,8 @@ impl Viewer {
 
     /// Pins the pages of the plan and of what is drawn, and marks them as used; what is pinned already is no less used than before.
     pub(super) fn pin(&mut self) {
-        // Where it draws what it wants, the latter's pages are all.
-        let is_all = self.fade.is_none() && self.drawn.cut == self.wanted.cut;
+        // Where it draws what it wants, or what is coarser, the former's pages are all.
+        let is_all = self.fade.is_none() && self.drawn.cut.is_in(&self.wanted.cut);
         let is_pinned = |(cut, needed): &(Cut, usize)| {
             is_all && *cut == self.wanted.cut && *needed == self.needed.len()
         };

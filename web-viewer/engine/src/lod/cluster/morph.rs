@@ -1,6 +1,6 @@
 //! Rule R6 for clusters: groups that are split and groups that are not take each other's place without a jump.
 //!
-//! The children of a group appear where its members show their vertices (morph 1, [`target`](super::target)) and move towards their own
+//! The children of a group appear a step from where its members show their vertices (morph 1, [`target`](super::target)) and move towards their own
 //! places (0), as far as the view wants ([`rest`](crate::lod::rest)); they give way once they are back. All children of a group move alike, and its outer border does not move. So two conditions
 //! keep everything whole: children move only while none of their own groups is split, since the border between such a group
 //! and other children lies within the surface that moves; and a group is split only while none of its members moves.
@@ -107,8 +107,8 @@ pub fn advance(
         if let Some(id) = first.and_then(|node| node.group) {
             cut.split_group(&group);
             changes = true;
-            // Where all of the way is one step there is nothing to show of it.
-            let morph = towards(1.0, at_rest(id), if step(&group) < 1.0 { 0.0 } else { 1.0 });
+            // Not at 1, where triangles lie on each other.
+            let morph = towards(1.0, at_rest(id), step(&group));
             if morph > 0.0 {
                 morphs.insert(id, morph);
             }
@@ -140,7 +140,7 @@ fn haste(clusters: &Clusters, group: &ClusterGroup, target: &Cut) -> f32 {
 }
 
 /// The groups that `cut` splits, those below first.
-fn split_groups(clusters: &Clusters, cut: &Cut) -> Vec<ClusterGroupId> {
+pub(in crate::lod) fn split_groups(clusters: &Clusters, cut: &Cut) -> Vec<ClusterGroupId> {
     let nodes = cut.split_clusters();
     let groups: NumberSet = nodes
         .filter_map(|id| Some(clusters.node(id)?.group?.0))

@@ -48,6 +48,31 @@ fn groups_stream_within_a_budget_and_without_a_crack() {
 }
 
 #[test]
+fn children_that_lie_on_their_group_give_way_to_it() {
+    let wall = Wall::new(150, None).unwrap();
+    let mut network = Network::of(wall.file.clone(), 53);
+    let mut viewer = network.viewer(ViewerOptions::default());
+    let (mut held_back, mut moving) = (0, 0);
+    for frame in 0_i32..1600 {
+        // Away and back.
+        let distance = 2.0 * 1.005f64.powi(800 - (800 - frame).abs());
+        let camera = Camera::standard(&viewer.document.metadata, 0, distance).unwrap();
+        viewer.set_camera(camera);
+        if frame == 0 {
+            network.settle(&mut viewer);
+        }
+        network.frame(&mut viewer, 0.016);
+        check(&viewer);
+        wall.assert_whole(&viewer.drawn().cut);
+        let drawn = viewer.drawn();
+        assert!(drawn.group_morphs.values().all(|morph| *morph < 1.0));
+        moving += usize::from(!drawn.group_morphs.is_empty());
+        held_back += usize::from(drawn.cut != viewer.wanted.cut);
+    }
+    assert!(moving > 50 && held_back > 20, "{moving}, {held_back}");
+}
+
+#[test]
 fn textures_of_groups_are_shown_and_picks_meet_what_is_drawn() {
     let frame = include_bytes!("../../../../../format/tests/data/texture_16x24.vp8");
     let wall = Wall::new(60, Some(frame)).unwrap();

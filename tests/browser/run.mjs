@@ -606,11 +606,15 @@ async function failures() {
 async function paths() {
   await flyPaths(checks, chromium, server, "dragon", 2_500_000);
   if (!ALL_VIEWS) return;
-  for (const [name, scan, cacheBytes] of [["komaba", "komaba_scan_1m.ply", 16_000_000], ["meshroom", "textured_meshroom/texturedMesh.obj", 8_000_000]]) {
+  const more = [
+    ["komaba", "komaba_scan_1m.ply", 12_000_000],
+    ["meshroom", "textured_meshroom/texturedMesh.obj", 4_000_000],
+  ];
+  for (const [name, scan, cacheBytes] of more) {
     const path = join(ROOT, "../shared/data", scan);
     if (!existsSync(path)) continue;
     await marquetry.convert(path, join(served, `${name}.marq`));
-    await flyPaths(checks, chromium, server, name, cacheBytes);
+    await flyPaths(checks, chromium, server, name, cacheBytes, true);
   }
 }
 

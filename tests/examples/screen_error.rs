@@ -2,10 +2,12 @@
 //!
 //! `screen_error FILE...` prints a row for each file and distance. Every file is seen from view 14 (right, front and above) at 1280 × 720 with
 //! one pixel of error until nothing is missing. Points are taken of the surface drawn and of the finest one that the file has, evenly by area; the distance
-//! of each from the other surface counts as many pixels as it is long at that point's distance from the eye, were it seen from the side.
+//! of each that is in the picture from the other surface counts as many pixels as it is long at that point's distance from the eye, were it
+//! seen from the side. What is out of the picture is drawn coarser.
 
 use anyhow::{Context, Result};
-use marquetry_engine::camera::{FIELD_OF_VIEW, lattice_from_world};
+use glam::DVec3;
+use marquetry_engine::camera::{FIELD_OF_VIEW, View, lattice_from_world};
 use marquetry_engine::lod::mesh::{Mesh, extract_mesh, extract_mesh_in_motion};
 use marquetry_engine::lod::uniform::{Fineness, bytes_before_pages, uniform_cut};
 use marquetry_engine::{Camera, Viewer, ViewerOptions, Viewport};
@@ -65,11 +67,20 @@ fn rows(file: &str) -> Result<()> {
             "from {distance} radii it does not settle"
         );
         let drawn = extract_mesh_in_motion(viewer.document(), source.as_ref(), viewer.drawn())?;
-        let eye = lattice_from_world(&viewer.document().metadata.lattice, camera.eye);
+        let metadata = &viewer.document().metadata;
+        let eye = lattice_from_world(&metadata.lattice, camera.eye);
+        let [right, up, back] = View::new(&camera, metadata, VIEWPORT).frame;
+        let is_in_picture = |point: DVec3| {
+            let offset = point - eye;
+            let reach = -offset.dot(back) / (2.0 * px_per_slope());
+            offset.dot(right).abs() <= f64::from(VIEWPORT.width) * reach
+                && offset.dot(up).abs() <= f64::from(VIEWPORT.height) * reach
+        };
         let both = [(&drawn, &whole), (&finest, &Indexed::new(of(&drawn))?)];
         let mut pixels = Vec::new();
         for (mesh, other) in both {
-            let points = distance::samples(of(mesh), SAMPLES)?;
+            let mut points = distance::samples(of(mesh), SAMPLES)?;
+            points.retain(|&point| is_in_picture(point));
             let nearest = other.nearest(&points);
             pixels.extend(points.iter().zip(nearest).filter_map(|(point, nearest)| {
                 Some(nearest?.distance2.sqrt() * px_per_slope() / point.distance(eye))

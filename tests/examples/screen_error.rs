@@ -1,7 +1,7 @@
 //! What a view draws and reads, and how far that is from the finest surface on the screen.
 //!
-//! `screen_error FILE...` prints a row for each file and distance. Every file is seen from view 14 (right, front and above) at 1280 × 720 with
-//! one pixel of error until nothing is missing. Points are taken of the surface drawn and of the finest one that the file has, evenly by area; the distance
+//! `screen_error [--error-px PX] [--transition NAME] FILE...` prints a row for each file and distance. Every file is seen from view 14 (right, front and above) at
+//! 1280 × 720 with one pixel of error, or PX, until nothing is missing. Points are taken of the surface drawn and of the finest one that the file has, evenly by area; the distance
 //! of each that is in the picture from the other surface counts as many pixels as it is long at that point's distance from the eye, were it
 //! seen from the side. What is out of the picture is drawn coarser.
 
@@ -31,13 +31,23 @@ fn main() -> Result<()> {
         "| file | radii | triangles, of | bytes read, of the file | error, pixels: RMS | 99.9% | largest |"
     );
     println!("|---|---|---|---|---|---|---|");
-    for file in std::env::args().skip(1) {
-        rows(&file).with_context(|| file.clone())?;
+    let mut options = ViewerOptions::default();
+    let mut arguments = std::env::args().skip(1);
+    while let Some(argument) = arguments.next() {
+        if argument == "--error-px" {
+            let px = arguments.next().context("--error-px PX")?;
+            options.error_px = px.parse().with_context(|| px.clone())?;
+        } else if argument == "--transition" {
+            let name = arguments.next().context("--transition NAME")?;
+            options.transition = name.parse()?;
+        } else {
+            rows(&argument, &options).with_context(|| argument.clone())?;
+        }
     }
     Ok(())
 }
 
-fn rows(file: &str) -> Result<()> {
+fn rows(file: &str, options: &ViewerOptions) -> Result<()> {
     let source = marquetry_native::source::open(file)?;
     let mut document = Document::open(source.as_ref(), Limits::default())?;
     let opening = bytes_before_pages(&document);
@@ -49,7 +59,7 @@ fn rows(file: &str) -> Result<()> {
     for distance in DISTANCES {
         let document = Document::open(source.as_ref(), Limits::default())?;
         let camera = Camera::standard(&document.metadata, VIEW, distance)?;
-        let mut viewer = Viewer::new(document, ViewerOptions::default())?;
+        let mut viewer = Viewer::new(document, options.clone())?;
         viewer.set_camera(camera);
         let mut read = opening;
         for _ in 0..FRAMES {

@@ -7,7 +7,7 @@
 //! Meshes", 1997, and Lindstrom & Pascucci, "Terrain Simplification Simplified", 2002).
 //!
 //! What is shown on the way is at most 1 + ([`RANGE`] − 1) / 4 times the target error off, where both surfaces bend alike; it is less where the
-//! finer surface's own error is below the target.
+//! finer surface's own error is below the target. Limit: vertices of torn scans of which the file tells a wrong place are farther off on their way.
 
 use super::animate::Drawn;
 use super::cluster::morph::{GroupMorphs, split_groups};

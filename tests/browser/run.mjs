@@ -607,14 +607,14 @@ async function paths() {
   await flyPaths(checks, chromium, server, "dragon", 2_500_000);
   if (!ALL_VIEWS) return;
   const more = [
-    ["komaba", "komaba_scan_1m.ply", 12_000_000],
-    ["meshroom", "textured_meshroom/texturedMesh.obj", 4_000_000],
+    ["komaba", "komaba_scan_1m.ply", 12_000_000, true],
+    ["meshroom", "textured_meshroom/texturedMesh.obj", 4_000_000, false],
   ];
-  for (const [name, scan, cacheBytes] of more) {
+  for (const [name, scan, cacheBytes, isTorn] of more) {
     const path = join(ROOT, "../shared/data", scan);
     if (!existsSync(path)) continue;
     await marquetry.convert(path, join(served, `${name}.marq`));
-    await flyPaths(checks, chromium, server, name, cacheBytes, true);
+    await flyPaths(checks, chromium, server, name, cacheBytes, isTorn);
   }
 }
 

@@ -22,7 +22,7 @@ const VIEWPORT: Viewport = Viewport {
 };
 /// Of the distance, from frame to frame.
 const STEP: f64 = 1e-4;
-/// The same where levels of a file change in most frames.
+/// The same where levels of a file change in more of the frames.
 const FAST: f64 = 1e-2;
 
 fn open() -> (Document, Vec<u8>, f64, f64) {

@@ -255,7 +255,7 @@ impl Viewer {
 
     /// Pins the pages of the plan and of what is drawn, and marks them as used; what is pinned already is no less used than before.
     pub(super) fn pin(&mut self) {
-        // Where it draws what it wants, or what is coarser, the former's pages are all.
+        // What is drawn in place of what is wanted, and is nowhere finer, needs no other pages.
         let is_all = self.fade.is_none() && self.drawn.cut.is_in(&self.wanted.cut);
         let is_pinned = |(cut, needed): &(Cut, usize)| {
             is_all && *cut == self.wanted.cut && *needed == self.needed.len()

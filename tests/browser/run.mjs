@@ -608,7 +608,7 @@ async function paths() {
   if (!ALL_VIEWS) return;
   const more = [
     ["komaba", "komaba_scan_1m.ply", 12_000_000, true],
-    ["meshroom", "textured_meshroom/texturedMesh.obj", 4_000_000, false],
+    ["meshroom", "textured_meshroom/texturedMesh.obj", 4_000_000, true],
   ];
   for (const [name, scan, cacheBytes, isTorn] of more) {
     const path = join(ROOT, "../shared/data", scan);

@@ -157,13 +157,7 @@ fn looks_at_changes(studio: &Studio<'_>, view: usize) -> anyhow::Result<Vec<Look
 
 /// Flies to a look, and puts frames of a slower camera in place of those of the path, from the one before the change on.
 fn slow_down(studio: &Studio<'_>, session: &mut Session, look: &mut Look) -> anyhow::Result<()> {
-    if let Some(start) = look.start {
-        session.settle(start, studio.size)?;
-    }
-    for &camera in &look.way {
-        session.viewer().set_camera(camera);
-        session.step(STRIDE as f64 * FRAME_SECONDS, studio.size, Duration::ZERO);
-    }
+    fly_to(session, look, studio.size)?;
     let slow = slowed(&look.seen);
     let mut last = None;
     let mut before_change = 0;
@@ -178,6 +172,18 @@ fn slow_down(studio: &Studio<'_>, session: &mut Session, look: &mut Look) -> any
         last = Some(cut.clone());
     }
     look.seen = slow[before_change..].iter().take(LOOK).copied().collect();
+    Ok(())
+}
+
+/// The way to a look, in long steps.
+fn fly_to(session: &mut Session, look: &Look, size: Viewport) -> anyhow::Result<()> {
+    if let Some(start) = look.start {
+        session.settle(start, size)?;
+    }
+    for &camera in &look.way {
+        session.viewer().set_camera(camera);
+        session.step(STRIDE as f64 * FRAME_SECONDS, size, Duration::ZERO);
+    }
     Ok(())
 }
 
@@ -254,13 +260,7 @@ fn flown(
     let mut triangles = 0.0;
     let mut references = references.iter();
     for look in looks {
-        if let Some(start) = look.start {
-            session.settle(start, size)?;
-        }
-        for &camera in &look.way {
-            session.viewer().set_camera(camera);
-            session.step(STRIDE as f64 * FRAME_SECONDS, size, Duration::ZERO);
-        }
+        fly_to(&mut session, look, size)?;
         let mut popping = Popping::default();
         let mut last = None;
         for (&camera, reference) in look.seen.iter().zip(&mut references) {

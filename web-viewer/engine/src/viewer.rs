@@ -66,7 +66,7 @@ pub struct Viewer {
     budget_step: u32,
     wanted: Wanted,
     /// What that takes; `None` before the first plan, and where the index has grown since.
-    room: Option<plan::Room>,
+    planned_size: Option<plan::PlanSize>,
     needed: Vec<Needed>,
     needed_index: NumberMap,
     pinned: NumberSet,
@@ -183,7 +183,7 @@ impl Viewer {
                 cut: coarsest.clone(),
                 blocks: BTreeSet::new(),
             },
-            room: None,
+            planned_size: None,
             needed: Vec::new(),
             needed_index: NumberMap::default(),
             pinned: NumberSet::default(),
@@ -359,7 +359,7 @@ impl Viewer {
             match self.document.load_index_block(block, &bytes) {
                 Ok(()) => {
                     self.fetcher.succeed(Item::Block(block));
-                    self.room = None;
+                    self.planned_size = None;
                     self.stale.plan = true;
                 }
                 Err(error) => {

@@ -26,7 +26,7 @@ const LAST_BUDGET_STEP: u32 = 120;
 
 /// What a cut takes of the cache.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Room {
+pub(super) struct PlanSize {
     bytes: u64,
     /// Pages that are clusters.
     clusters: usize,
@@ -35,7 +35,7 @@ pub(super) struct Room {
 /// A cut that a view wants, and what it takes.
 struct Plan {
     wanted: Wanted,
-    room: Room,
+    size: PlanSize,
     /// The pages it needs; `None` where the plan before has the same cut.
     needed: Option<(Vec<NeededPage>, Vec<NeededCluster>)>,
     fits: bool,
@@ -77,7 +77,7 @@ impl Viewer {
             self.need(view, &pages, &clusters);
         }
         self.wanted = best.wanted;
-        self.room = Some(best.room);
+        self.planned_size = Some(best.size);
         self.pin();
     }
 
@@ -90,23 +90,23 @@ impl Viewer {
             previous,
         };
         let wanted = self.forest.want(&self.document, &target);
-        let known = self.room.filter(|_| wanted.cut == self.wanted.cut);
-        let (room, needed) = known.map_or_else(
+        let known = self.planned_size.filter(|_| wanted.cut == self.wanted.cut);
+        let (size, needed) = known.map_or_else(
             || {
                 let (pages, clusters) = self.needed_by(&wanted.cut);
-                let room = Room {
+                let size = PlanSize {
                     bytes: self.cache_bytes(&pages, &clusters),
                     clusters: clusters.len(),
                 };
-                (room, Some((pages, clusters)))
+                (size, Some((pages, clusters)))
             },
-            |room| (room, None),
+            |size| (size, None),
         );
-        let fits = room.bytes <= self.page_capacity() && room.clusters <= MOST_CLUSTERS
+        let fits = size.bytes <= self.page_capacity() && size.clusters <= MOST_CLUSTERS
             || step >= LAST_BUDGET_STEP;
         Plan {
             wanted,
-            room,
+            size,
             needed,
             fits,
         }

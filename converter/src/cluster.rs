@@ -53,6 +53,11 @@ impl Room {
         }
     }
 
+    /// Whether few nodes are halved. Images of a level between would be loaded all the same.
+    fn has_halves(self) -> bool {
+        self == Self::Plain
+    }
+
     /// Levels of groups, at most. Images of levels that are only passed by are loaded all the same.
     fn levels(self) -> usize {
         match self {

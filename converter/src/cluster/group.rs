@@ -1,7 +1,7 @@
 //! Components that do not fit a leaf.
 //!
 //! Such a component is divided until its parts fit leaves. From there on up about 16 neighbouring nodes at a time ([`Room`]), a *group*, become
-//! about four, with the vertices that others share held where they are, so that whatever is drawn of the others fits without a crack.
+//! about four (where a scan has few nodes about 8 become four), with the vertices that others share held where they are, so that whatever is drawn of the others fits without a crack.
 //! The nodes of the next level are grouped anew, across the borders that were held below, so these are coarser one level up: no level
 //! keeps what another needed. Nodes of one group are replaced together, by the same children; where they are in different groups above,
 //! those have to be replaced first. (Yoon, Salomon, Gayle & Manocha, "Quick-VDR: Interactive View-Dependent Rendering of Massive
@@ -24,6 +24,9 @@ use std::collections::HashMap;
 
 /// Nodes that become one, about.
 const REDUCTION: usize = 4;
+/// Groups of a level of the whole scan that are few: a cut is much coarser than asked by one that is not split. Those of so few are half as large, and their
+/// nodes are halved, which costs little where few nodes are below; leaves are most of a file.
+const FEW: usize = 4;
 /// Triangles of a node that is made, at most; some room is left for parts of different sizes.
 const FULL: usize = 240;
 
@@ -33,8 +36,9 @@ struct Node {
     shape: Shape,
 }
 
-/// The graph of a component whose leaves are `pieces`, of which there is at least one, with vertices at multiples of `unit`; the last node stands for all of it.
-pub(super) fn graph(pieces: Vec<Piece>, unit: u32, colours: bool, room: Room) -> Graph {
+/// The graph of a component whose leaves are `pieces`, of which there is at least one, with vertices at multiples of `unit`, and which is `share` of the scan's triangles; the last
+/// node stands for all of it.
+pub(super) fn graph(pieces: Vec<Piece>, share: f64, unit: u32, colours: bool, room: Room) -> Graph {
     let mut graph = Graph::default();
     let mut front: Vec<Node> = pieces
         .into_iter()
@@ -43,15 +47,16 @@ pub(super) fn graph(pieces: Vec<Piece>, unit: u32, colours: bool, room: Room) ->
             shape: piece.shape,
         })
         .collect();
-    for _ in 0..room.levels() {
+    for level in 0..room.levels() {
         if front.len() == 1 {
             return graph;
         }
-        let groups = Groups::of(&front, group_size(front.len(), room));
+        let step = Step::from(front.len(), level == 0, share, room);
+        let groups = Groups::of(&front, step.group);
         let coarser: Vec<Option<Coarser>> = groups
             .members
             .par_iter()
-            .map(|members| coarser(&front, members, &groups, unit, room))
+            .map(|members| coarser(&front, members, &groups, unit, step.reduction, room))
             .collect();
         if coarser.iter().all(Option::is_none) {
             break;
@@ -74,14 +79,33 @@ pub(super) fn graph(pieces: Vec<Piece>, unit: u32, colours: bool, room: Room) ->
     graph
 }
 
-/// Nodes that make a group, about: half as many where there are but a few groups, since a cut of a small model would be coarser
-/// than asked by most of a group otherwise.
-fn group_size(front: usize, room: Room) -> usize {
-    let full = room.group();
-    if front > full && front <= 4 * full {
-        (full / 2).max(REDUCTION)
-    } else {
-        full
+/// How one level is made from the one below.
+#[derive(Debug, Clone, Copy)]
+struct Step {
+    /// Nodes of a group, about.
+    group: usize,
+    /// Nodes that become one, about.
+    reduction: usize,
+}
+
+impl Step {
+    /// The step from a level of `front` nodes, `share` of all that the scan has.
+    fn from(front: usize, are_leaves: bool, share: f64, room: Room) -> Self {
+        let full = room.group();
+        // Less than 2^32.
+        let are_few = front as f64 <= share * (FEW * full) as f64;
+        if are_few && room.has_halves() && !are_leaves {
+            Self {
+                group: full / 2,
+                reduction: 2,
+            }
+        } else {
+            let group = if are_few { full / 2 } else { full };
+            Self {
+                group: group.max(REDUCTION),
+                reduction: REDUCTION,
+            }
+        }
     }
 }
 
@@ -155,6 +179,7 @@ fn coarser(
     members: &[usize],
     groups: &Groups,
     unit: u32,
+    reduction: usize,
     room: Room,
 ) -> Option<Coarser> {
     if members.len() < 2 {
@@ -174,7 +199,7 @@ fn coarser(
             became: Became::itself(),
         });
     }
-    let target = (FULL * members.len().div_ceil(REDUCTION)).min(whole.triangles.len() / 2);
+    let target = (FULL * members.len().div_ceil(reduction)).min(whole.triangles.len() / 2);
     let is_held = |place: &LatticePoint| groups.is_held(place);
     let (shape, distance, became) = simplified_within(&whole, is_held, target, unit, room)?;
     let parts = shape.split(FULL, room);

@@ -241,7 +241,8 @@ impl<'a> Component<'a> {
             }
         }
         let unit = 1 << self.source.lattice.shift;
-        Placed::Graph(group::graph(pieces, unit, colours, room))
+        let share = self.triangles.len() as f64 / self.source.mesh.triangles.len() as f64;
+        Placed::Graph(group::graph(pieces, share, unit, colours, room))
     }
 
     /// Divides `triangles`, all or none of which are of one colour each, across their longest extent until the parts fit clusters.

@@ -368,7 +368,7 @@ fn no_cut_through_a_component_that_fits_no_leaf_opens_a_crack() {
     let all = (2 * CELLS * CELLS) as usize;
     assert_eq!(layer.summary.triangles, all + 36);
     let nodes = &layer.nodes;
-    // Each level has about a quarter of the one below: a sheet of so many triangles takes four to come down to one.
+    // What is above the leaves has about a quarter of their triangles, and each level above about half of the one below.
     let mut heights = vec![0; nodes.len()];
     let mut shared = std::collections::BTreeSet::new();
     for (k, node) in nodes.iter().enumerate().rev() {
@@ -382,10 +382,31 @@ fn no_cut_through_a_component_that_fits_no_leaf_opens_a_crack() {
             assert_eq!(nodes[other.unwrap()].error.to_bits(), node.error.to_bits());
         }
     }
-    assert!(heights[0] >= 4, "{} levels", heights[0]);
+    assert!(heights[0] >= 6, "{} levels", heights[0]);
     assert!(nodes.len() < 2 * layer.summary.leaves);
     let different = check_cuts(nodes, CELLS, &lattice);
     assert!(different > 10, "{different} different cuts");
+}
+
+#[test]
+fn levels_of_a_scan_with_few_nodes_are_halved() {
+    let (.., layer) = large(120, false);
+    let mut heights = vec![0; layer.nodes.len()];
+    let mut triangles = vec![0.0; layer.nodes.len()];
+    // The root stands for the cubes, too, and has a level of its own.
+    for (k, node) in layer.nodes.iter().enumerate().skip(1).rev() {
+        let below = node.children.iter().map(|&child| heights[child as usize]);
+        heights[k] = below.max().map_or(0, |below: usize| below + 1);
+        triangles[heights[k]] += node.mesh.triangles.len() as f64;
+    }
+    let levels = *heights.iter().max().unwrap();
+    assert!(levels >= 6, "{levels} levels above the leaves");
+    let ratios: Vec<f64> = (0..levels)
+        .map(|k| triangles[k + 1] / triangles[k])
+        .collect();
+    // Leaves are most of the file: theirs is a quarter.
+    assert!(ratios[0] < 0.35, "{ratios:?}");
+    assert!(ratios[1..].iter().all(|ratio| *ratio > 0.4), "{ratios:?}");
 }
 
 #[test]

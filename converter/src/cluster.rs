@@ -8,6 +8,7 @@
 //! Every component lies in one leaf as a whole, or below a node of its own (`group`), so that no cut can open a crack in it. Also larger components come here where charts would need many more samples than they
 //! have triangles, as CAD models do ([`select::Selection::take_all`]), or are torn to shreds, as photogrammetry can be.
 
+mod became;
 pub mod bound;
 mod creases;
 mod direct;

@@ -34,6 +34,17 @@ impl<'a> Target<'a> {
         })
     }
 
+    /// The nearest point; `point` itself where it is not finite.
+    pub(super) fn closest(&self, point: DVec3) -> DVec3 {
+        let closest = self.tree.closest(point, f64::INFINITY);
+        closest.map_or(point, |closest| closest.point)
+    }
+
+    /// Whether `point` is no farther than `most`; `hint` as [`Bvh::is_within`] has it.
+    pub(super) fn is_within(&self, point: DVec3, most: f64, hint: &mut u32) -> bool {
+        self.tree.is_within(point, most.powi(2), hint)
+    }
+
     /// Upper bound of the distance from every point of `triangle`; no effort is made to get below `enough`.
     pub fn distance(&self, triangle: [DVec3; 3], enough: f64) -> f64 {
         let corners = triangle.map(|point| self.nearest(point, None));
@@ -172,25 +183,16 @@ pub fn hausdorff(
     second: (&[DVec3], &[[u32; 3]]),
     most: f64,
 ) -> f64 {
-    distance(first, second, most).bound
+    let target = |(positions, triangles)| Target::new(positions, triangles);
+    match (target(first), target(second)) {
+        (Some(first), Some(second)) => distance(&first, &second, most).bound,
+        _ => f64::INFINITY,
+    }
 }
 
 /// The same, and the integral of the squared distance to the first over the second, from what is seen at its vertices.
-pub(super) fn distance(
-    first: (&[DVec3], &[[u32; 3]]),
-    second: (&[DVec3], &[[u32; 3]]),
-    most: f64,
-) -> Distance {
-    let targets = (
-        Target::new(first.0, first.1),
-        Target::new(second.0, second.1),
-    );
-    let (Some(to_first), Some(to_second)) = targets else {
-        return Distance {
-            bound: f64::INFINITY,
-            squares: f64::INFINITY,
-        };
-    };
+pub(super) fn distance(to_first: &Target<'_>, to_second: &Target<'_>, most: f64) -> Distance {
+    let [first, second] = [to_first, to_second].map(|target| (target.positions, target.triangles));
     let (forward, backward) = (
         to_second.nearest_of(first.0, first.1),
         to_first.nearest_of(second.0, second.1),

@@ -1,8 +1,8 @@
 //! Nodes of clusters and what replaces them: a graph without cycles, in which nodes with the same children are replaced together.
 
+use super::became::Became;
 use super::leaf::upwards;
 use super::shape::Shape;
-use super::trace::Became;
 use marquetry_format::LatticePoint;
 use marquetry_format::cluster::morph::{Places, UNRANKED};
 use marquetry_format::writer::ClusterInput;

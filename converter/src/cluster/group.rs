@@ -11,11 +11,11 @@
 //! that ends: the nodes left are the children of one, which stands for them all.
 
 use super::Room;
+use super::became::Became;
 use super::graph::{Distance, Graph};
 use super::leaf::Piece;
 use super::shape::Shape;
 use super::simplify::simplified_within;
-use super::trace::Became;
 use super::tree;
 use marquetry_format::LatticePoint;
 use meshopt::{VertexDataAdapter, partition_clusters_with_positions, typed_to_bytes};

@@ -9,10 +9,11 @@
 //! fitted afterwards to what they stand for ([`mod@crate::mesh::refit`]), up to the lattice.
 
 use super::Room;
-use super::bound::{self, hausdorff};
+use super::became::Became;
+use super::bound::{self, Target, hausdorff};
 use super::graph::Distance;
 use super::shape::{Shape, point};
-use super::trace::{Became, traced};
+use super::trace::traced;
 use crate::mesh::refit::{Cloud, Refit, refit};
 use crate::mesh::{WeldedMesh, bounds};
 use glam::DVec3;
@@ -71,17 +72,13 @@ pub(super) fn simplified_within(
 ) -> Option<(Shape, Distance, Became)> {
     let collapsed = collapse_within(shape, &is_held, target, room);
     let (coarser, moved) = fitted(&collapsed, shape, is_held, unit);
-    if coarser.triangles.is_empty() {
-        return None;
-    }
     let (own, positions) = (coarser.positions(), shape.positions());
-    let distance = bound::distance(
-        (&own, &coarser.triangles),
-        (&positions, &shape.triangles),
-        f64::INFINITY,
-    );
+    let to = Target::new(&own, &coarser.triangles)?;
+    let from = Target::new(&positions, &shape.triangles)?;
+    let distance = bound::distance(&to, &from, f64::INFINITY);
     let mut became = traced(shape, &collapsed);
     became.and_moved(&moved);
+    became.keep_within(shape, &from, &to, distance.bound);
     Some((coarser, distance, became))
 }
 
@@ -266,11 +263,9 @@ mod tests {
         let bowl = bowl();
         let plain = collapse_within(&bowl, is_rim, 300, Room::Plain);
         let (own, positions) = (plain.positions(), bowl.positions());
-        let before = bound::distance(
-            (&own, &plain.triangles),
-            (&positions, &bowl.triangles),
-            f64::INFINITY,
-        );
+        let to = Target::new(&own, &plain.triangles).unwrap();
+        let from = Target::new(&positions, &bowl.triangles).unwrap();
+        let before = bound::distance(&to, &from, f64::INFINITY);
         let (fitted, distance, became) =
             simplified_within(&bowl, is_rim, 300, UNIT, Room::Plain).unwrap();
         assert!(fitted.triangles.len() <= plain.triangles.len());

@@ -10,6 +10,7 @@
 //!
 //! Limit: what is found need not be without faults; then both meshes differ in the triangles around.
 
+use super::became::Became;
 use super::shape::{Shape, point};
 use crate::mesh::adjacency::id;
 use marquetry_format::LatticePoint;
@@ -24,35 +25,6 @@ const MATCHES: usize = 12;
 const SWEEPS: usize = 12;
 /// No vertex.
 const NONE: u32 = u32::MAX;
-
-/// What vertices have become, by place.
-#[derive(Debug, Default)]
-pub(super) struct Became {
-    /// `None`: every one itself.
-    places: Option<HashMap<LatticePoint, LatticePoint>>,
-}
-
-impl Became {
-    /// Nothing was collapsed.
-    pub(super) fn itself() -> Self {
-        Self { places: None }
-    }
-
-    /// The place that a vertex at `place` has become; `None` where that is not known.
-    pub(super) fn of(&self, place: LatticePoint) -> Option<LatticePoint> {
-        match &self.places {
-            Some(places) => places.get(&place).copied(),
-            None => Some(place),
-        }
-    }
-
-    /// Vertices of `coarse` were moved as well, after it was made.
-    pub(super) fn and_moved(&mut self, moved: &HashMap<LatticePoint, LatticePoint>) {
-        for place in self.places.iter_mut().flat_map(HashMap::values_mut) {
-            *place = moved.get(place).copied().unwrap_or(*place);
-        }
-    }
-}
 
 /// What the vertices of `fine` have become in `coarse`, whose vertices are some of them, and its triangles in the order of those that they came of.
 pub(super) fn traced(fine: &Shape, coarse: &Shape) -> Became {
@@ -74,13 +46,11 @@ pub(super) fn traced(fine: &Shape, coarse: &Shape) -> Became {
     trace.became = best;
     let places = trace.places.iter().zip(&trace.became);
     let known = places.filter(|(_, became)| **became != NONE);
-    Became {
-        places: Some(
-            known
-                .map(|(&place, &became)| (place, trace.places[became as usize]))
-                .collect(),
-        ),
-    }
+    Became::others(
+        known
+            .map(|(&place, &became)| (place, trace.places[became as usize]))
+            .collect(),
+    )
 }
 
 struct Trace {
@@ -482,18 +452,5 @@ mod tests {
         let wanted = corners(&coarse, &|place| place);
         let got = corners(&fine, &|place| found.of(place).unwrap());
         assert_eq!(got, wanted);
-    }
-
-    #[test]
-    fn what_is_moved_later_is_moved_in_it() {
-        let fine = hills(|v| v);
-        let mut became = traced(&fine, &fine);
-        let (from, to) = (fine.vertices[5].0, [1, 2, 3]);
-        assert_eq!(became.of(from), Some(from));
-        became.and_moved(&HashMap::from([(from, to)]));
-        assert_eq!(became.of(from), Some(to));
-        assert_eq!(became.of(fine.vertices[6].0), Some(fine.vertices[6].0));
-        assert_eq!(became.of([9, 9, 9]), None);
-        assert_eq!(Became::itself().of([9, 9, 9]), Some([9, 9, 9]));
     }
 }

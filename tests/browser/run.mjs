@@ -604,7 +604,7 @@ async function failures() {
 
 /** Caches hold a part of what the closest view takes. */
 async function paths() {
-  await flyPaths(checks, chromium, server, "dragon", 2_500_000);
+  await flyPaths(checks, chromium, server, "dragon", 1_600_000);
   if (!ALL_VIEWS) return;
   const more = [
     ["komaba", "komaba_scan_1m.ply", 12_000_000, true],

@@ -7,6 +7,7 @@ mod bench;
 mod bless;
 mod browser;
 mod conformance;
+mod decoding;
 mod demo;
 mod fuzz;
 mod layering;
@@ -41,6 +42,8 @@ usage: cargo xtask COMMAND
                 every case that methods fail on, into docs/stability.md, or those with all WORDS in their names
   bench [REVISION]
                 what conversion, decoding, cuts and frames take beside REVISION, into docs/measurements.md
+  bench-decode FILE...
+                how fast files decode on one thread, natively and in wasm
   bench-server [FILE]
                 throughput beside nginx, slow clients, 10 000 idle connections (5 minutes)
   soak [REQUESTS]
@@ -76,6 +79,7 @@ fn dispatch(arguments: &[String]) -> Result<ExitCode> {
         ["stability", words @ ..] => stability::run(&Project::locate()?, words).map(done),
         ["bench"] => bench::run(&Project::locate()?, None).map(done),
         ["bench", revision] => bench::run(&Project::locate()?, Some(revision)).map(done),
+        ["bench-decode", files @ ..] => decoding::run(&Project::locate()?, files).map(done),
         ["bench-server"] => traffic::bench::run(&Project::locate()?, None).map(done),
         ["bench-server", file] => {
             traffic::bench::run(&Project::locate()?, Some(Path::new(file))).map(done)

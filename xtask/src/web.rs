@@ -32,7 +32,7 @@ const BUNDLES: [Bundle; 2] = [
 ];
 
 /// The name that cargo gives the module.
-const CRATE: &str = "marquetry_web";
+pub(crate) const CRATE: &str = "marquetry_web";
 
 /// Folders below `web-viewer/web` whose files are served as they are.
 const STATIC: [&str; 2] = ["js", "page"];
@@ -48,7 +48,7 @@ pub(crate) fn build(project: &Project) -> Result<()> {
     let dist = project.dist();
     std::fs::create_dir_all(&dist).with_context(|| format!("cannot make {}", dist.display()))?;
     for bundle in &BUNDLES {
-        let wasm = compile(project, &toolchain, bundle)?;
+        let wasm = compile(project, &toolchain, bundle.feature)?;
         bind(project, bundle, &wasm, &dist)?;
     }
     copy_static(project, &dist)?;
@@ -66,7 +66,8 @@ pub(crate) fn target(project: &Project, toolchain: &Toolchain) -> PathBuf {
     })
 }
 
-fn compile(project: &Project, toolchain: &Toolchain, bundle: &Bundle) -> Result<PathBuf> {
+/// The module with these features, before any glue.
+pub(crate) fn compile(project: &Project, toolchain: &Toolchain, features: &str) -> Result<PathBuf> {
     let target = target(project, toolchain);
     process::run(
         toolchain
@@ -78,7 +79,7 @@ fn compile(project: &Project, toolchain: &Toolchain, bundle: &Bundle) -> Result<
                 "marquetry-web",
                 "--no-default-features",
                 "--features",
-                bundle.feature,
+                features,
                 "--target-dir",
             ])
             .arg(&target),

@@ -9,6 +9,8 @@
 //! JavaScript's clock says. What was measured is in `ARCHITECTURE.md`.
 
 pub mod report;
+#[cfg(feature = "bench")]
+pub mod whole;
 
 #[cfg(target_arch = "wasm32")]
 pub mod decoder;

@@ -1,0 +1,27 @@
+// `node decoding.cjs MODULE FILE...`: what examples/decoding.rs does, in wasm.
+
+const fs = require("node:fs");
+
+// How long each file is decoded again and again, at least, after as long that the compiler has.
+const FOR_MS = 2000;
+
+const [module_path, ...files] = process.argv.slice(2);
+const { Whole } = require(module_path);
+
+for (const file of files) {
+  const whole = new Whole(fs.readFileSync(file));
+  const decoded = whole.decode();
+  const decode_for_a_while = () => {
+    const times = [];
+    const start = performance.now();
+    while (performance.now() - start < FOR_MS) {
+      const before = performance.now();
+      whole.decode();
+      times.push((performance.now() - before) / 1000);
+    }
+    return times.sort((a, b) => a - b);
+  };
+  decode_for_a_while();
+  const times = decode_for_a_while();
+  console.log(`${decoded[0]} ${decoded[1]} ${times[Math.floor(times.length / 2)]}`);
+}

@@ -27,6 +27,8 @@ const REDUCTION: usize = 4;
 /// Groups of a level of the whole scan that are few: a cut is much coarser than asked by one that is not split. Those of so few are half as large, and their
 /// nodes are halved, which costs little where few nodes are below; leaves are most of a file.
 const FEW: usize = 4;
+/// Share of a component that is as good as all of its scan. Bounds of more levels add up to more, so that beside components of fewer ones it would be drawn finer than they are.
+const ALONE: f64 = 0.9;
 /// Triangles of a node that is made, at most; some room is left for parts of different sizes.
 const FULL: usize = 240;
 
@@ -94,7 +96,7 @@ impl Step {
         let full = room.group();
         // Less than 2^32.
         let are_few = front as f64 <= share * (FEW * full) as f64;
-        if are_few && room.has_halves() && !are_leaves {
+        if are_few && share >= ALONE && room.has_halves() && !are_leaves {
             Self {
                 group: full / 2,
                 reduction: 2,

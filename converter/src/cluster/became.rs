@@ -38,7 +38,7 @@ impl Became {
         }
     }
 
-    /// Vertices of `coarse` were moved as well, after it was made.
+    /// What vertices have become was moved as well, after that was found.
     pub(super) fn and_moved(&mut self, moved: &HashMap<LatticePoint, LatticePoint>) {
         for place in self.places.iter_mut().flat_map(HashMap::values_mut) {
             *place = moved.get(place).copied().unwrap_or(*place);

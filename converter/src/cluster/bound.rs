@@ -125,7 +125,7 @@ impl<'a> Target<'a> {
         if is_enough(bound) || depth == 0 {
             return bound;
         }
-        let [a, b, c] = turned(corners);
+        let [a, b, c] = turned(corners, |corner| corner.point);
         let middle = self.nearest(a.point.midpoint(b.point), a.triangle);
         let mut halved = 0.0f64;
         for half in [[a, middle, c], [middle, b, c]] {
@@ -162,9 +162,9 @@ struct Nearest {
     triangle: Option<u32>,
 }
 
-/// The same corners, the longest edge between the first two.
-fn turned([a, b, c]: [Nearest; 3]) -> [Nearest; 3] {
-    let squared = |a: Nearest, b: Nearest| a.point.distance_squared(b.point);
+/// The same corners, which are at `point`, the longest edge between the first two.
+pub(super) fn turned<T: Copy>([a, b, c]: [T; 3], point: impl Fn(T) -> DVec3) -> [T; 3] {
+    let squared = |a: T, b: T| point(a).distance_squared(point(b));
     let (ab, bc, ca) = (squared(a, b), squared(b, c), squared(c, a));
     if ab >= bc && ab >= ca {
         [a, b, c]

@@ -5,13 +5,13 @@ const fs = require("node:fs");
 // How long each file is decoded again and again, at least, after as long that the compiler has.
 const FOR_MS = 2000;
 
-const [module_path, ...files] = process.argv.slice(2);
-const { Whole } = require(module_path);
+const [modulePath, ...files] = process.argv.slice(2);
+const { Whole } = require(modulePath);
 
 for (const file of files) {
   const whole = new Whole(fs.readFileSync(file));
   const decoded = whole.decode();
-  const decode_for_a_while = () => {
+  const decodeForAWhile = () => {
     const times = [];
     const start = performance.now();
     while (performance.now() - start < FOR_MS) {
@@ -21,7 +21,7 @@ for (const file of files) {
     }
     return times.sort((a, b) => a - b);
   };
-  decode_for_a_while();
-  const times = decode_for_a_while();
+  decodeForAWhile();
+  const times = decodeForAWhile();
   console.log(`${decoded[0]} ${decoded[1]} ${times[Math.floor(times.length / 2)]}`);
 }

@@ -35,48 +35,52 @@ pub(crate) fn run(project: &Project, files: &[&str]) -> Result<()> {
             .arg(folder.join(format!("{}.js", web::CRATE)))
             .args(files),
     )?;
-    println!("| file | samples | vertices | native, millions a second | wasm |");
-    println!("|---|---|---|---|---|");
+    println!("| file | decoded | native, millions a second | wasm |");
+    println!("|---|---|---|---|");
     for ((file, native), wasm) in files.iter().zip(native.lines()).zip(in_wasm.lines()) {
-        let [native, wasm] = [Decoded::read(native)?, Decoded::read(wasm)?];
-        ensure(native.counts == wasm.counts, || {
-            format!(
-                "{file}: {:?} natively, {:?} in wasm",
-                native.counts, wasm.counts
-            )
-        })?;
-        let name = Path::new(file).file_name().unwrap_or_default();
-        let [samples, vertices] = native.counts;
-        println!(
-            "| {} | {samples} | {vertices} | {:.1} | {:.1} |",
-            name.display(),
-            native.millions_a_second(),
-            wasm.millions_a_second()
-        );
+        let name = Path::new(file).file_name().unwrap_or_default().display();
+        let both = [read(native)?, read(wasm)?];
+        for (what, native, wasm) in [
+            ("samples", both[0][0], both[1][0]),
+            ("vertices", both[0][1], both[1][1]),
+        ] {
+            ensure(native.count == wasm.count, || {
+                format!("{file}: {native:?} natively, {wasm:?} in wasm")
+            })?;
+            if native.count > 0 {
+                let [native_rate, wasm_rate] = [native, wasm].map(Decoded::millions_a_second);
+                let count = native.count;
+                println!("| {name} | {count} {what} | {native_rate:.1} | {wasm_rate:.1} |");
+            }
+        }
     }
     Ok(())
 }
 
-/// A line of the programs that are run.
-#[derive(Debug)]
+/// What was decoded, and how long that took.
+#[derive(Debug, Clone, Copy)]
 struct Decoded {
-    counts: [u64; 2],
+    count: u64,
     seconds: f64,
 }
 
 impl Decoded {
-    fn read(line: &str) -> Result<Self> {
-        let read = || {
-            let mut words = line.split(' ');
-            let counts = [words.next()?.parse().ok()?, words.next()?.parse().ok()?];
-            let seconds = words.next()?.parse().ok()?;
-            Some(Self { counts, seconds })
-        };
-        read().with_context(|| format!("{line:?} is not two counts and seconds"))
-    }
-
-    fn millions_a_second(&self) -> f64 {
+    fn millions_a_second(self) -> f64 {
         // Less than 2^53.
-        self.counts.iter().sum::<u64>() as f64 / self.seconds / 1e6
+        self.count as f64 / self.seconds / 1e6
     }
+}
+
+/// Samples and vertices, a line of the programs that are run.
+fn read(line: &str) -> Result<[Decoded; 2]> {
+    let mut words = line.split(' ');
+    let mut next = || {
+        let count = words.next()?.parse().ok()?;
+        let seconds = words.next()?.parse().ok()?;
+        Some(Decoded { count, seconds })
+    };
+    next()
+        .zip(next())
+        .map(<[Decoded; 2]>::from)
+        .with_context(|| format!("{line:?} is not two counts with their seconds"))
 }

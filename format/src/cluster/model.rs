@@ -124,16 +124,15 @@ fn level(normal: [i64; 3], [i, j, k]: [usize; 3], way: [i32; 3]) -> i32 {
 /// Normals, of which `predicted` is known.
 pub(crate) fn normals(
     coder: &mut impl Coder,
-    predicted: &[Normal],
+    predicted: &[[u8; 2]],
     told: &[[u8; 2]],
 ) -> Vec<[u8; 2]> {
     let mut number = Number::new(4);
-    let normal = |(vertex, &predicted): (usize, &Normal)| {
-        let told = told.get(vertex).map_or(predicted, |&normal| Normal(normal));
-        let [u, v, _] = told.residual(predicted);
+    let normal = |(vertex, &predicted): (usize, &[u8; 2])| {
+        let told = told.get(vertex).copied().unwrap_or(predicted);
+        let [u, v, _] = Normal::new(told).residual(predicted);
         let [u, v] = [u, v].map(|code| byte(&mut number, coder, code));
-        let restored = Normal::restore(predicted, [u, v, 0]);
-        restored.unwrap_or(predicted).0
+        Normal::restore(predicted, [u, v, 0]).map_or(predicted, Normal::code)
     };
     predicted.iter().enumerate().map(normal).collect()
 }

@@ -1,7 +1,7 @@
 //! What a cluster's vertices are predicted to be, from vertices before them and, for normals, from the triangles.
 
 use super::walk::Prediction;
-use crate::codec::sample::{Colour, Normal, Position};
+use crate::codec::sample::{Colour, Position};
 use crate::codec::shading::{cross, difference, lowered};
 use crate::lattice::LATTICE_BITS;
 
@@ -71,8 +71,8 @@ pub(crate) fn place(prediction: Prediction, before: &[[u8; 2]]) -> [u8; 2] {
     }
 }
 
-/// Normals of the vertices: sums of those of the triangles around them, weighted by area, exact in integers.
-pub(crate) fn normals(positions: &[Position], triangles: &[[u8; 3]]) -> Vec<Normal> {
+/// Codes of the normals of the vertices: sums of those of the triangles around them, weighted by area, exact in integers.
+pub(crate) fn normals(positions: &[Position], triangles: &[[u8; 3]]) -> Vec<[u8; 2]> {
     let mut sums = vec![[0i64; 3]; positions.len()];
     for triangle in triangles {
         let [a, b, c] = triangle.map(|v| of(positions, v).unwrap_or_default());
@@ -111,7 +111,7 @@ mod tests {
         for size in [1, 1000, (1 << LATTICE_BITS) - 1] {
             let positions = [[0, 0, 0], [size, 0, 0], [0, size, 0]].map(Position);
             for normal in normals(&positions, &[[0, 1, 2]]) {
-                let [x, y, z] = octahedral::decode(normal.0);
+                let [x, y, z] = octahedral::decode(normal);
                 assert!(z > 0.99 && x.abs() < 0.01 && y.abs() < 0.01);
             }
         }

@@ -61,10 +61,8 @@ pub fn from_vector([x, y, z]: [i32; 3]) -> Option<[u8; 2]> {
     } else {
         (x, y)
     };
-    // round(255 · (c / sum + 1) / 2)
-    Some([x, y].map(|c| {
-        ((255 * i64::from(c + sum) + i64::from(sum)) / (2 * i64::from(sum))).clamp(0, 255) as u8
-    }))
+    // round(255 · (c / sum + 1) / 2), in 31 bits: the sum has 22, a code is at most 255.5 before it is rounded down.
+    Some([x, y].map(|c| ((255 * (c + sum) + sum) as u32 / (2 * sum) as u32) as u8))
 }
 
 fn sign(value: i32) -> i32 {
@@ -84,6 +82,35 @@ mod tests {
                 // On the rim of the square two codes name one vector.
                 assert_eq!(vector(integer), vector([u, v]));
                 assert_eq!(vector(float), vector([u, v]));
+            }
+        }
+    }
+
+    #[test]
+    fn codes_are_rounded_exactly() {
+        let mut state = 1u32;
+        let mut next = |limit: i32| {
+            state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+            (i64::from(state >> 8) * i64::from(2 * limit + 1)) >> 24
+        };
+        for limit in [1, 7, 255, 10_200, (1 << 20) - 1] {
+            for _ in 0..50_000 {
+                let [x, y, z] = [0; 3].map(|_| next(limit) as i32 - limit);
+                let sum = x.abs() + y.abs() + z.abs();
+                if sum == 0 {
+                    continue;
+                }
+                let [u, v] = if z < 0 {
+                    [(sum - y.abs()) * sign(x), (sum - x.abs()) * sign(y)]
+                } else {
+                    [x, y]
+                };
+                // Half up: 255 / 2 · (c / sum + 1) + 1 / 2, over one denominator.
+                let exact = [u, v].map(|c| {
+                    let numerator = 255 * i64::from(c + sum) + i64::from(sum);
+                    (numerator / (2 * i64::from(sum))).min(255) as u8
+                });
+                assert_eq!(from_vector([x, y, z]), Some(exact), "{x} {y} {z}");
             }
         }
     }

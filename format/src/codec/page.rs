@@ -11,11 +11,11 @@ mod encoding;
 #[cfg(not(target_arch = "wasm32"))]
 pub(crate) use encoding::{encode_base, encode_child, encode_root};
 
-use super::grid::{Grid, count_of, odd_samples};
+use super::grid::{Grid, count_of};
 use super::payload::{self, Counts, Residuals};
 use super::sample::{Colour, Normal, Position, Sample};
 use super::shading::Prediction;
-use super::targets;
+use super::targets::{self, Target};
 use crate::lattice::LATTICE_BITS;
 use crate::quadtree::{PAGE_RESOLUTION, Quadrant};
 use crate::{Error, PageSamples};
@@ -40,20 +40,36 @@ impl Grids {
     /// `None` when `samples` has arrays of other sizes than its resolution asks for.
     fn new(samples: &PageSamples, coding: Coding) -> Option<Self> {
         let resolution = samples.resolution;
-        let units = samples
-            .positions
-            .iter()
-            .map(|p| Position(p.map(|c| (c >> coding.shift).cast_signed())));
+        let positions = samples.positions.iter();
+        let positions = positions.map(|&position| Position::of(position, coding.shift));
+        let normals = samples.normals.iter().copied().map(Normal::new);
         Some(Self {
-            positions: Grid::new(resolution, units.collect())?,
-            normals: Grid::new(
-                resolution,
-                samples.normals.iter().copied().map(Normal).collect(),
-            )?,
+            positions: Grid::new(resolution, positions.collect())?,
+            normals: Grid::new(resolution, normals.collect())?,
             colours: if coding.has_colours {
-                Some(Grid::new(
+                let colours = samples.colours.iter().copied().map(Colour);
+                Some(Grid::new(resolution, colours.collect())?)
+            } else {
+                None
+            },
+        })
+    }
+
+    /// The quarter of `samples` that `quadrant` covers, at the same density; `None` as above.
+    fn quarter(samples: &PageSamples, coding: Coding, quadrant: Quadrant) -> Option<Self> {
+        let resolution = samples.resolution;
+        let quadrant = (quadrant.0 & 1 == 1, quadrant.0 & 2 == 2);
+        Some(Self {
+            positions: Grid::quarter(resolution, &samples.positions, quadrant, |position| {
+                Position::of(position, coding.shift)
+            })?,
+            normals: Grid::quarter(resolution, &samples.normals, quadrant, Normal::new)?,
+            colours: if coding.has_colours {
+                Some(Grid::quarter(
                     resolution,
-                    samples.colours.iter().copied().map(Colour).collect(),
+                    &samples.colours,
+                    quadrant,
+                    Colour,
                 )?)
             } else {
                 None
@@ -86,15 +102,6 @@ impl Grids {
         )
     }
 
-    fn quarter(&self, quadrant: Quadrant) -> Self {
-        let (right, upper) = (quadrant.0 & 1 == 1, quadrant.0 & 2 == 2);
-        self.map(
-            |g| g.quarter(right, upper),
-            |g| g.quarter(right, upper),
-            |g| g.quarter(right, upper),
-        )
-    }
-
     fn into_samples(
         self,
         what: &'static str,
@@ -102,81 +109,63 @@ impl Grids {
         coding: Coding,
         parent: Option<&Self>,
     ) -> Result<PageSamples, Error> {
-        fn targets_of<T: targets::Target>(
-            own: &Grid<T>,
-            parent: Option<&Grid<T>>,
-            resolution: u8,
-        ) -> Vec<T> {
-            match parent {
-                Some(parent) => targets::of_child(own, parent),
-                None => targets::of_root(own, resolution),
-            }
-        }
-        let on_lattice = |grid: &Grid<Position>, resolution: u8| -> Result<Grid<Position>, Error> {
-            let points = grid
-                .samples()
-                .iter()
-                .map(|position| Position(position.0.map(|c| c << coding.shift)));
-            Grid::new(resolution, points.collect()).ok_or(Error::Value {
-                what,
-                found: u64::from(resolution),
-            })
-        };
         // Units are below 2^21 and shift is at most 15: nothing is lost before this check.
         let limit = 1i32 << LATTICE_BITS.saturating_sub(u32::from(coding.shift));
-        if let Some(&outside) = self
-            .positions
-            .samples()
-            .iter()
-            .flat_map(|p| &p.0)
-            .find(|&&c| c >= limit)
-        {
+        let positions = self.positions.samples().iter();
+        let largest = positions.fold(0, |largest, &Position([x, y, z])| {
+            largest.max(x).max(y).max(z)
+        });
+        if largest >= limit {
             return Err(Error::Value {
                 what,
-                found: u64::from(outside.unsigned_abs()),
+                found: u64::from(largest.unsigned_abs()),
             });
         }
-        let positions = on_lattice(&self.positions, resolution)?;
-        let parent_positions = match parent {
-            Some(parent) => Some(on_lattice(&parent.positions, resolution.saturating_sub(1))?),
-            None => None,
-        };
-        let points = |samples: &[Position]| {
-            samples
-                .iter()
-                .map(|p| p.0.map(i32::cast_unsigned))
-                .collect()
-        };
-        let normals = |samples: &[Normal]| samples.iter().map(|n| n.0).collect();
-        let colours = |samples: &[Colour]| samples.iter().map(|c| c.0).collect();
+        let Coding { shift, .. } = coding;
+        let (positions, position_targets) = stored(
+            &self.positions,
+            parent.map(|parent| &parent.positions),
+            resolution,
+            shift,
+        );
+        let (normals, normal_targets) = stored(
+            &self.normals,
+            parent.map(|parent| &parent.normals),
+            resolution,
+            shift,
+        );
         let (colours, colour_targets) = match &self.colours {
             Some(grid) => {
                 let parent = parent.and_then(|parent| parent.colours.as_ref());
-                (
-                    colours(grid.samples()),
-                    colours(&targets_of(grid, parent, resolution)),
-                )
+                stored(grid, parent, resolution, shift)
             }
             None => Default::default(),
         };
         Ok(PageSamples {
             resolution,
-            positions: points(positions.samples()),
-            position_targets: points(&targets_of(
-                &positions,
-                parent_positions.as_ref(),
-                resolution,
-            )),
-            normals: normals(self.normals.samples()),
-            normal_targets: normals(&targets_of(
-                &self.normals,
-                parent.map(|parent| &parent.normals),
-                resolution,
-            )),
+            positions,
+            position_targets,
+            normals,
+            normal_targets,
             colours,
             colour_targets,
         })
     }
+}
+
+/// The values of a grid, and their targets.
+fn stored<T: Target>(
+    own: &Grid<T>,
+    parent: Option<&Grid<T>>,
+    resolution: u8,
+    shift: u8,
+) -> (Vec<T::Stored>, Vec<T::Stored>) {
+    let values = own.samples().iter().map(|value| value.stored(shift));
+    let targets = match parent {
+        Some(parent) => targets::of_child(own, parent, shift),
+        None => targets::of_root(own, resolution, shift),
+    };
+    (values.collect(), targets)
 }
 
 /// Reads residuals one after the other.
@@ -204,11 +193,7 @@ fn restore_odd<T: Sample>(
     grid: &mut Grid<T>,
     residuals: &mut impl Iterator<Item = [i32; 3]>,
 ) -> Result<(), Error> {
-    for odd in odd_samples(grid.side()) {
-        let value = restore(what, grid.predict(odd), residuals)?;
-        grid.set(odd.i, odd.j, value);
-    }
-    Ok(())
+    grid.visit_odd(|_, _, predicted| restore(what, predicted, residuals))
 }
 
 /// Restores the odd normals; positions are complete.
@@ -217,17 +202,13 @@ fn restore_odd_normals(
     grids: &mut Grids,
     source: &mut Source,
 ) -> Result<(), Error> {
-    for odd in odd_samples(grids.normals.side()) {
-        let prediction = source
-            .prediction
-            .predict(&grids.normals, &grids.positions, odd);
-        grids.normals.set(
-            odd.i,
-            odd.j,
-            restore(what, prediction, &mut source.normals)?,
-        );
-    }
-    Ok(())
+    let Grids {
+        normals, positions, ..
+    } = grids;
+    normals.visit_odd(|odd, _, interpolated| {
+        let predicted = source.prediction.predict(interpolated, positions, odd);
+        restore(what, predicted, &mut source.normals)
+    })
 }
 
 /// Restores the even samples of `grid` against the values there.
@@ -238,7 +219,7 @@ fn restore_even<T: Sample>(
 ) -> Result<(), Error> {
     for j in (0..grid.side()).step_by(2) {
         for i in (0..grid.side()).step_by(2) {
-            let value = restore(what, grid.get(i, j), residuals)?;
+            let value = restore(what, grid.get(i, j).code(), residuals)?;
             grid.set(i, j, value);
         }
     }
@@ -247,18 +228,24 @@ fn restore_even<T: Sample>(
 
 fn restore<T: Sample>(
     what: &'static str,
-    prediction: T,
+    prediction: T::Code,
     residuals: &mut impl Iterator<Item = [i32; 3]>,
 ) -> Result<T, Error> {
-    let residual = residuals.next().ok_or(Error::Truncated {
-        what,
-        expected: 1,
-        found: 0,
-    })?;
-    T::restore(prediction, residual).ok_or(Error::Value {
-        what,
-        found: u64::from(residual[0].unsigned_abs()),
-    })
+    // An error made for nothing has to be dropped, for every sample.
+    let Some(residual) = residuals.next() else {
+        return Err(Error::Truncated {
+            what,
+            expected: 1,
+            found: 0,
+        });
+    };
+    match T::restore(prediction, residual) {
+        Some(value) => Ok(value),
+        None => Err(Error::Value {
+            what,
+            found: u64::from(residual[0].unsigned_abs()),
+        }),
+    }
 }
 
 fn refine(
@@ -309,7 +296,7 @@ pub(crate) fn decode_base(
         let (mut positions, mut normals, mut colours) = (Vec::new(), Vec::new(), Vec::new());
         for _ in 0..4 {
             before.0 = restore(what, before.0, &mut source.positions)?;
-            before.1 = restore(what, before.1, &mut source.normals)?;
+            before.1 = restore(what, before.1.code(), &mut source.normals)?;
             positions.push(before.0);
             normals.push(before.1);
             if coding.has_colours {
@@ -382,10 +369,9 @@ pub(crate) fn decode_child(
     parent: &PageSamples,
     bytes: &[u8],
 ) -> Option<Result<PageSamples, Error>> {
-    let parent = Grids::new(parent, coding)
-        .filter(|_| parent.resolution == PAGE_RESOLUTION)?
-        .quarter(quadrant);
-    Some(refine_child(coding, &parent, bytes))
+    let quarter = Grids::quarter(parent, coding, quadrant)
+        .filter(|_| parent.resolution == PAGE_RESOLUTION)?;
+    Some(refine_child(coding, &quarter, bytes))
 }
 
 fn refine_child(coding: Coding, parent: &Grids, bytes: &[u8]) -> Result<PageSamples, Error> {

@@ -156,35 +156,47 @@ pub(crate) fn decode(
     Ok(Residuals {
         positions: unzigzag_planes(&positions, counts.positions),
         prediction: header.prediction,
-        normals: byte_planes(&normals, counts.normals),
-        colours: byte_planes(&colours, colour_count),
+        normals: two_byte_planes(&normals, counts.normals),
+        colours: three_byte_planes(&colours, colour_count),
     })
 }
 
 /// From planes (plane by plane, low byte first, component by component) to signed residuals.
 fn unzigzag_planes(bytes: &[u8], count: usize) -> Vec<[i32; 3]> {
     let mut codes = vec![[0u32; 3]; count];
-    for (index, plane) in bytes.chunks_exact(count.max(1)).enumerate() {
-        let (component, shift) = (index % 3, (index / 3).saturating_mul(8));
-        for (code, &byte) in codes.iter_mut().zip(plane) {
-            if let Some(code) = code.get_mut(component) {
-                *code |= u32::from(byte) << shift;
-            }
+    let planes = bytes.chunks_exact(count.saturating_mul(3).max(1));
+    for (plane, shift) in planes.zip((0u32..).step_by(8)) {
+        for ([a, b, c], bytes) in codes.iter_mut().zip(three_planes(plane, count)) {
+            let [x, y, z] = bytes.map(|byte| u32::from(byte) << shift);
+            *a |= x;
+            *b |= y;
+            *c |= z;
         }
     }
     codes.into_iter().map(|code| code.map(unzigzag)).collect()
 }
 
-fn byte_planes(bytes: &[u8], count: usize) -> Vec<[i32; 3]> {
-    let mut values = vec![[0; 3]; count];
-    for (component, plane) in bytes.chunks_exact(count.max(1)).enumerate() {
-        for (value, &byte) in values.iter_mut().zip(plane) {
-            if let Some(value) = value.get_mut(component) {
-                *value = i32::from(byte);
-            }
-        }
-    }
-    values
+/// Residuals of two components of a byte each.
+fn two_byte_planes(bytes: &[u8], count: usize) -> Vec<[i32; 3]> {
+    let (first, second) = bytes.split_at_checked(count).unwrap_or_default();
+    let both = first.iter().zip(second);
+    both.map(|(&a, &b)| [i32::from(a), i32::from(b), 0])
+        .collect()
+}
+
+/// Residuals of three components of a byte each.
+fn three_byte_planes(bytes: &[u8], count: usize) -> Vec<[i32; 3]> {
+    three_planes(bytes, count)
+        .map(|bytes| bytes.map(i32::from))
+        .collect()
+}
+
+/// The bytes of three planes of `count` side by side.
+fn three_planes(bytes: &[u8], count: usize) -> impl Iterator<Item = [u8; 3]> {
+    let (first, rest) = bytes.split_at_checked(count).unwrap_or_default();
+    let (second, third) = rest.split_at_checked(count).unwrap_or_default();
+    let all = first.iter().zip(second).zip(third);
+    all.map(|((&a, &b), &c)| [a, b, c])
 }
 
 /// Signed to unsigned: 0, −1, 1, −2, … become 0, 1, 2, 3, …

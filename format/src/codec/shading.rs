@@ -14,7 +14,7 @@
 
 use super::grid::{Grid, Odd};
 use super::octahedral;
-use super::sample::{Normal, Position, Sample};
+use super::sample::Position;
 use crate::Error;
 
 /// What the odd normals of a payload are predicted from.
@@ -42,30 +42,29 @@ impl Prediction {
         })
     }
 
-    /// Predicts the normal of an odd sample; `positions` of the same resolution are complete.
+    /// Predicts the code of the normal of an odd sample that is `interpolated` from coarser ones; `positions` of the same resolution are complete.
     pub(crate) fn predict(
         self,
-        normals: &Grid<Normal>,
+        interpolated: [u8; 2],
         positions: &Grid<Position>,
         odd: Odd,
-    ) -> Normal {
+    ) -> [u8; 2] {
         if self == Self::Interpolated {
-            return normals.predict(odd);
+            return interpolated;
         }
         match surface_normal(positions, odd) {
-            None => normals.predict(odd),
+            None => interpolated,
             Some(geometric) if self == Self::Geometric => geometric,
             Some(geometric) => {
-                let interpolated = normals.predict(odd);
-                let ([a, b, c], [d, e, f]) = (interpolated.lift(), geometric.lift());
-                Normal::lower([a + d, b + e, c + f], 1, interpolated)
+                let [[a, b, c], [d, e, f]] = [interpolated, geometric].map(octahedral::vector);
+                octahedral::from_vector([a + d, b + e, c + f]).unwrap_or(interpolated)
             }
         }
     }
 }
 
 /// The normal that the neighbours' positions span; at the grid's border the sample stands for the one missing.
-fn surface_normal(positions: &Grid<Position>, Odd { i, j }: Odd) -> Option<Normal> {
+fn surface_normal(positions: &Grid<Position>, Odd { i, j }: Odd) -> Option<[u8; 2]> {
     let last = positions.side() - 1;
     let along_u = difference(
         positions.get((i + 1).min(last), j),
@@ -92,11 +91,11 @@ pub(crate) fn cross([ax, ay, az]: [i64; 3], [bx, by, bz]: [i64; 3]) -> [i64; 3] 
     [ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx]
 }
 
-/// The normal along a vector; `None` for zero.
-pub(crate) fn lowered(vector: [i64; 3]) -> Option<Normal> {
+/// The code of the normal along a vector; `None` for zero.
+pub(crate) fn lowered(vector: [i64; 3]) -> Option<[u8; 2]> {
     let largest = vector.iter().map(|c| c.unsigned_abs()).max().unwrap_or(0);
     let shift = (u64::BITS - largest.leading_zeros()).saturating_sub(COMPONENT_BITS);
-    octahedral::from_vector(vector.map(|c| (c >> shift) as i32)).map(Normal)
+    octahedral::from_vector(vector.map(|c| (c >> shift) as i32))
 }
 
 /// Magnitude bits of a normal's components before it is coded: enough for 8-bit codes.
@@ -106,23 +105,17 @@ const COMPONENT_BITS: u32 = 19;
 mod tests {
     use super::*;
 
-    fn grids(height: impl Fn(i32, i32) -> i32) -> (Grid<Normal>, Grid<Position>) {
-        let positions = (0..81)
-            .map(|k| Position([k % 9 * 1000, k / 9 * 1000, height(k % 9, k / 9)]))
-            .collect();
-        let up = Normal(octahedral::encode([0.0, 0.0, 1.0]));
-        (
-            Grid::new(3, vec![up; 81]).unwrap(),
-            Grid::new(3, positions).unwrap(),
-        )
+    fn up() -> [u8; 2] {
+        octahedral::encode([0.0, 0.0, 1.0])
     }
 
     #[test]
     fn a_slope_turns_the_prediction() {
-        let (normals, positions) = grids(|i, _| 1000 * i);
+        let positions = (0..81).map(|k| Position([k % 9 * 1000, k / 9 * 1000, k % 9 * 1000]));
+        let positions = Grid::new(3, positions.collect()).unwrap();
         for (prediction, degrees) in Prediction::ALL.into_iter().zip([0.0, 22.5, 45.0]) {
-            let Normal(code) = prediction.predict(&normals, &positions, Odd { i: 3, j: 4 });
-            let [x, y, z] = octahedral::decode(code);
+            let normal = prediction.predict(up(), &positions, Odd { i: 3, j: 4 });
+            let [x, y, z] = octahedral::decode(normal);
             let angle = (-x).atan2(z).to_degrees();
             assert!(
                 (angle - degrees).abs() < 5.0 && y.abs() < 0.02,
@@ -133,14 +126,9 @@ mod tests {
 
     #[test]
     fn a_surface_without_area_leaves_the_interpolation() {
-        let (normals, _) = grids(|_, _| 0);
         let point = Grid::new(3, vec![Position([7; 3]); 81]).unwrap();
-        let odd = Odd { i: 0, j: 1 };
         for prediction in Prediction::ALL {
-            assert_eq!(
-                prediction.predict(&normals, &point, odd),
-                normals.predict(odd)
-            );
+            assert_eq!(prediction.predict(up(), &point, Odd { i: 0, j: 1 }), up());
         }
     }
 
@@ -150,9 +138,8 @@ mod tests {
         let corners = [[0, far, 0], [far, 0, 0], [0, 0, far]];
         let positions = (0..9).map(|k| Position(corners[k % 3])).collect();
         let positions = Grid::new(1, positions).unwrap();
-        let normals = Grid::new(1, vec![Normal([9, 200]); 9]).unwrap();
-        for odd in super::super::grid::odd_samples(3) {
-            Prediction::Geometric.predict(&normals, &positions, odd);
+        for odd in [[1, 0], [0, 1], [1, 2], [2, 1], [1, 1]].map(|[i, j]| Odd { i, j }) {
+            Prediction::Geometric.predict([9, 200], &positions, odd);
         }
     }
 }

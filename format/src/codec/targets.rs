@@ -11,88 +11,106 @@
 )]
 
 use super::grid::Grid;
-use super::sample::{Normal, Sample};
+use super::sample::{Colour, Normal, Position, Sample};
 
-/// A value whose mean with another is its target's.
+/// A value that a node stores, and whose mean with another is its target's.
 pub(crate) trait Target: Sample {
-    /// Mean of two neighbours; `own` where they say nothing.
-    fn mean(a: Self, b: Self, own: Self) -> Self;
+    /// As [`PageSamples`](crate::PageSamples) has it.
+    type Stored;
+
+    /// The value; positions are multiples of `2^shift`.
+    fn stored(self, shift: u8) -> Self::Stored;
+
+    /// Mean of two neighbours, stored; `own` where they say nothing.
+    fn mean(a: Self, b: Self, own: Self, shift: u8) -> Self::Stored;
 }
 
-impl Target for super::sample::Position {
-    fn mean(Self([a, b, c]): Self, Self([d, e, f]): Self, _: Self) -> Self {
-        Self([(a + d) >> 1, (b + e) >> 1, (c + f) >> 1])
+impl Target for Position {
+    type Stored = [u32; 3];
+
+    fn stored(self, shift: u8) -> [u32; 3] {
+        self.0.map(|c| (c << shift).cast_unsigned())
+    }
+
+    fn mean(Self([a, b, c]): Self, Self([d, e, f]): Self, _: Self, shift: u8) -> [u32; 3] {
+        [a + d, b + e, c + f].map(|sum| (sum << shift >> 1).cast_unsigned())
     }
 }
 
 impl Target for Normal {
-    fn mean(a: Self, b: Self, own: Self) -> Self {
+    type Stored = [u8; 2];
+
+    fn stored(self, _: u8) -> [u8; 2] {
+        self.code()
+    }
+
+    fn mean(a: Self, b: Self, own: Self, _: u8) -> [u8; 2] {
         let ([a, b, c], [d, e, f]) = (a.lift(), b.lift());
         Self::lower([a + d, b + e, c + f], 1, own)
     }
 }
 
-impl Target for super::sample::Colour {
-    fn mean(Self(a): Self, Self(b): Self, _: Self) -> Self {
-        let [(a, d), (b, e), (c, f)] = [(a[0], b[0]), (a[1], b[1]), (a[2], b[2])];
-        Self([(a, d), (b, e), (c, f)].map(|(x, y)| ((u16::from(x) + u16::from(y)) >> 1) as u8))
+impl Target for Colour {
+    type Stored = [u8; 3];
+
+    fn stored(self, _: u8) -> [u8; 3] {
+        self.0
+    }
+
+    fn mean(Self([a, b, c]): Self, Self([d, e, f]): Self, _: Self, _: u8) -> [u8; 3] {
+        [a.midpoint(d), b.midpoint(e), c.midpoint(f)]
     }
 }
 
 /// Targets of a root's or the base's samples at `resolution`: each sample's at the resolution that introduces it.
-pub(crate) fn of_root<T: Target>(samples: &Grid<T>, resolution: u8) -> Vec<T> {
-    let side = samples.side();
-    let mut targets = Vec::with_capacity(side * side);
-    for j in 0..side {
-        for i in 0..side {
-            let steps = (i | j).trailing_zeros();
-            targets.push(if steps >= u32::from(resolution) {
-                samples.get(i, j)
-            } else {
-                let (a, b) = neighbours(i, j, steps);
-                T::mean(
-                    samples.get(a.0, a.1),
-                    samples.get(b.0, b.1),
-                    samples.get(i, j),
-                )
-            });
-        }
+pub(crate) fn of_root<T: Target>(samples: &Grid<T>, resolution: u8, shift: u8) -> Vec<T::Stored> {
+    if resolution == 0 {
+        return samples
+            .samples()
+            .iter()
+            .map(|own| own.stored(shift))
+            .collect();
     }
-    targets
+    let coarser = samples.coarser(1);
+    let even = of_root(&coarser, resolution - 1, shift);
+    between(samples, &coarser, even.into_iter(), shift)
 }
 
 /// Targets of a child's samples: even ones from `parent`, its quadrant one resolution coarser, odd ones between.
-pub(crate) fn of_child<T: Target>(samples: &Grid<T>, parent: &Grid<T>) -> Vec<T> {
+pub(crate) fn of_child<T: Target>(
+    samples: &Grid<T>,
+    parent: &Grid<T>,
+    shift: u8,
+) -> Vec<T::Stored> {
+    let even = parent.samples().iter().map(|own| own.stored(shift));
+    between(samples, parent, even, shift)
+}
+
+/// Targets of even samples as `even` has them, row by row, and of odd ones between the samples of `coarser`.
+fn between<T: Target>(
+    samples: &Grid<T>,
+    coarser: &Grid<T>,
+    mut even: impl Iterator<Item = T::Stored>,
+    shift: u8,
+) -> Vec<T::Stored> {
     let side = samples.side();
     let mut targets = Vec::with_capacity(side * side);
     for j in 0..side {
-        for i in 0..side {
-            targets.push(if (i | j) & 1 == 0 {
-                parent.get(i / 2, j / 2)
-            } else {
-                let (a, b) = neighbours(i, j, 0);
-                T::mean(
-                    parent.get(a.0 / 2, a.1 / 2),
-                    parent.get(b.0 / 2, b.1 / 2),
-                    samples.get(i, j),
-                )
-            });
+        let (before, after) = (coarser.row(j / 2), coarser.row(j.div_ceil(2)));
+        for (i, &own) in samples.row(j).iter().enumerate() {
+            let at = |row: &[T], i: usize| row.get(i).copied().unwrap_or_default();
+            let told = if (i | j) & 1 == 0 { even.next() } else { None };
+            targets.push(told.unwrap_or_else(|| {
+                T::mean(at(before, i / 2), at(after, i.div_ceil(2)), own, shift)
+            }));
         }
     }
     targets
-}
-
-/// The two neighbours at distance `2^steps` of a sample that is odd at that distance.
-fn neighbours(i: usize, j: usize, steps: u32) -> ((usize, usize), (usize, usize)) {
-    let di = (i >> steps & 1) << steps;
-    let dj = (j >> steps & 1) << steps;
-    ((i - di, j - dj), (i + di, j + dj))
 }
 
 #[cfg(test)]
 mod tests {
     use super::super::grid::side_of;
-    use super::super::sample::Position;
     use super::*;
 
     fn bumpy(resolution: u8) -> Grid<Position> {
@@ -107,50 +125,52 @@ mod tests {
     #[test]
     fn root_targets_lie_between_samples_of_the_resolution_before() {
         let grid = bumpy(3);
-        let targets = of_root(&grid, 3);
+        let targets = of_root(&grid, 3, 0);
         let at = |i: usize, j: usize| targets[j * 9 + i];
         for corner in [(0, 0), (8, 0), (0, 8), (8, 8)] {
-            assert_eq!(at(corner.0, corner.1), grid.get(corner.0, corner.1));
+            assert_eq!(
+                at(corner.0, corner.1),
+                grid.get(corner.0, corner.1).stored(0)
+            );
         }
         // (4, 0) comes with resolution 1, (2, 6) with 2, (3, 5) with 3.
         assert_eq!(
             at(4, 0),
-            Position::mean(grid.get(0, 0), grid.get(8, 0), Position::default())
+            Position::mean(grid.get(0, 0), grid.get(8, 0), Position::default(), 0)
         );
         assert_eq!(
             at(2, 6),
-            Position::mean(grid.get(0, 4), grid.get(4, 8), Position::default())
+            Position::mean(grid.get(0, 4), grid.get(4, 8), Position::default(), 0)
         );
         assert_eq!(
             at(3, 5),
-            Position::mean(grid.get(2, 4), grid.get(4, 6), Position::default())
+            Position::mean(grid.get(2, 4), grid.get(4, 6), Position::default(), 0)
         );
         assert_eq!(
             at(4, 1),
-            Position::mean(grid.get(4, 0), grid.get(4, 2), Position::default())
+            Position::mean(grid.get(4, 0), grid.get(4, 2), Position::default(), 0)
         );
     }
 
     #[test]
     fn child_targets_are_the_parents_surface() {
         let parent = bumpy(5);
-        let quarter = parent.quarter(true, false);
+        let quarter = Grid::quarter(5, parent.samples(), (true, false), |p| p).unwrap();
         let mut child = quarter.finer();
-        for odd in super::super::grid::odd_samples(33) {
-            child.set(odd.i, odd.j, Position([9; 3]));
-        }
-        let targets = of_child(&child, &quarter);
+        let Ok(()) = child.visit_odd(|_, _, _| Ok::<_, std::convert::Infallible>(Position([9; 3])));
+        let targets = of_child(&child, &quarter, 0);
         for j in 0..33 {
             for i in 0..33 {
                 let target = targets[j * 33 + i];
                 match (i % 2, j % 2) {
-                    (0, 0) => assert_eq!(target, parent.get(16 + i / 2, j / 2)),
+                    (0, 0) => assert_eq!(target, parent.get(16 + i / 2, j / 2).stored(0)),
                     _ => assert_eq!(
                         target,
                         Position::mean(
                             parent.get(16 + i / 2, j / 2),
                             parent.get(16 + i.div_ceil(2), j.div_ceil(2)),
-                            Position::default()
+                            Position::default(),
+                            0
                         )
                     ),
                 }
@@ -161,16 +181,16 @@ mod tests {
     #[test]
     fn means_do_not_depend_on_the_order() {
         let codes = [
-            Normal([200, 90]),
-            Normal([10, 10]),
-            Normal([0, 255]),
-            Normal([128, 127]),
+            Normal::new([200, 90]),
+            Normal::new([10, 10]),
+            Normal::new([0, 255]),
+            Normal::new([128, 127]),
         ];
         for a in codes {
             for b in codes {
                 assert_eq!(
-                    Normal::mean(a, b, Normal::default()),
-                    Normal::mean(b, a, Normal::default())
+                    Normal::mean(a, b, Normal::default(), 0),
+                    Normal::mean(b, a, Normal::default(), 0)
                 );
             }
         }

@@ -1,6 +1,8 @@
 //! A file in memory, of which everything is decoded at once: how fast that is (`cargo xtask bench-decode`).
 
-use marquetry_format::{ChartId, ClusterId, Document, Error, Limits, PageId, PageSamples};
+use marquetry_format::{
+    ChartId, ClusterId, ClusterNode, Document, Error, Limits, PageId, PageSamples,
+};
 #[cfg(target_arch = "wasm32")]
 use wasm_bindgen::prelude::*;
 
@@ -10,15 +12,6 @@ use wasm_bindgen::prelude::*;
 pub struct Whole {
     document: Document,
     bytes: Vec<u8>,
-}
-
-/// What was decoded.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
-pub struct Decoded {
-    /// Samples of charts: 33² of a page.
-    pub samples: usize,
-    /// Vertices of clusters.
-    pub vertices: usize,
 }
 
 impl Whole {
@@ -32,38 +25,39 @@ impl Whole {
         Ok(Self { document, bytes })
     }
 
-    /// Decodes all pages and all clusters, one after the other.
+    /// Decodes all pages of charts, one after the other; their samples, 33² of a page.
     ///
     /// # Errors
     /// When one is damaged.
-    pub fn decode(&self) -> Result<Decoded, Error> {
-        let mut decoded = Decoded::default();
-        for id in (0..self.document.chart_count()).map(ChartId) {
-            let root = PageId(id.0);
-            let samples = self.document.decode_root(id, self.page(root))?;
-            decoded.samples += samples.positions.len();
-            self.decode_below(root, &samples, &mut decoded)?;
-        }
-        for (id, node) in (0..).map(ClusterId).zip(
-            self.document
-                .clusters
-                .iter()
-                .flat_map(|clusters| &clusters.nodes),
-        ) {
-            let mesh = self.document.decode_cluster(id, self.part(&node.range))?;
-            decoded.vertices += mesh.positions.len();
-        }
-        Ok(decoded)
+    pub fn decode_charts(&self) -> Result<usize, Error> {
+        let charts = (0..self.document.chart_count()).map(ChartId);
+        charts.map(|id| self.decode_chart(id)).sum()
     }
 
-    fn decode_below(
-        &self,
-        page: PageId,
-        samples: &PageSamples,
-        decoded: &mut Decoded,
-    ) -> Result<(), Error> {
+    /// Decodes all clusters, one after the other; their vertices.
+    ///
+    /// # Errors
+    /// When one is damaged.
+    pub fn decode_clusters(&self) -> Result<usize, Error> {
+        let clusters = self.document.clusters.iter();
+        let nodes = clusters.flat_map(|clusters| &clusters.nodes);
+        let decode = |(id, node): (ClusterId, &ClusterNode)| {
+            let mesh = self.document.decode_cluster(id, self.part(&node.range))?;
+            Ok(mesh.positions.len())
+        };
+        (0..).map(ClusterId).zip(nodes).map(decode).sum()
+    }
+
+    fn decode_chart(&self, id: ChartId) -> Result<usize, Error> {
+        let root = PageId(id.0);
+        let samples = self.document.decode_root(id, self.page(root))?;
+        Ok(samples.positions.len() + self.decode_below(root, &samples)?)
+    }
+
+    fn decode_below(&self, page: PageId, samples: &PageSamples) -> Result<usize, Error> {
+        let mut decoded = 0;
         let Some(first) = self.document.first_child(page) else {
-            return Ok(());
+            return Ok(decoded);
         };
         for child in (first.0..).take(4).map(PageId) {
             let Some(quadrant) = self.document.quadrant(child) else {
@@ -72,10 +66,9 @@ impl Whole {
             let own = self
                 .document
                 .decode_child(child, quadrant, samples, self.page(child))?;
-            decoded.samples += own.positions.len();
-            self.decode_below(child, &own, decoded)?;
+            decoded += own.positions.len() + self.decode_below(child, &own)?;
         }
-        Ok(())
+        Ok(decoded)
     }
 
     fn page(&self, page: PageId) -> &[u8] {
@@ -101,14 +94,21 @@ impl Whole {
         Ok(Self::open(bytes)?)
     }
 
-    /// As [`Whole::decode`]: samples, and vertices.
+    /// As [`Whole::decode_charts`].
     ///
     /// # Errors
     /// As there, in words.
-    #[wasm_bindgen(js_name = decode)]
-    pub fn decode_here(&self) -> Result<Vec<u32>, JsError> {
-        let Decoded { samples, vertices } = self.decode()?;
-        let count = |n| u32::try_from(n).unwrap_or(u32::MAX);
-        Ok(vec![count(samples), count(vertices)])
+    #[wasm_bindgen(js_name = decodeCharts)]
+    pub fn decode_charts_here(&self) -> Result<usize, JsError> {
+        Ok(self.decode_charts()?)
+    }
+
+    /// As [`Whole::decode_clusters`].
+    ///
+    /// # Errors
+    /// As there, in words.
+    #[wasm_bindgen(js_name = decodeClusters)]
+    pub fn decode_clusters_here(&self) -> Result<usize, JsError> {
+        Ok(self.decode_clusters()?)
     }
 }

@@ -194,22 +194,20 @@ fn read_positions(
 fn read_normals(
     codes: &[u8],
     predictions: &[Prediction],
-    faced: Option<&[Normal]>,
+    faced: Option<&[[u8; 2]]>,
 ) -> Result<Vec<[u8; 2]>, Error> {
     let vertices = predictions.len();
     let mut normals: Vec<[u8; 2]> = Vec::with_capacity(vertices);
     for (vertex, &prediction) in predictions.iter().enumerate() {
         let near = match (faced, prediction) {
             (Some(faced), _) => faced.get(vertex).copied(),
-            (None, Prediction::Near(before)) => {
-                normals.get(usize::from(before)).copied().map(Normal)
-            }
+            (None, Prediction::Near(before)) => normals.get(usize::from(before)).copied(),
             (None, _) => None,
         };
         let residual = [0, 1].map(|plane| i32::from(byte(codes, plane, vertices, vertex)));
         let [u, v] = residual;
         let normal = Normal::restore(near.unwrap_or_default(), [u, v, 0]);
-        normals.push(normal.ok_or_else(|| wrong("normal", vertex))?.0);
+        normals.push(normal.ok_or_else(|| wrong("normal", vertex))?.code());
     }
     Ok(normals)
 }

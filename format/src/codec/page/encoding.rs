@@ -6,26 +6,32 @@
 )]
 
 use super::{Coding, Grids};
-use crate::codec::grid::{Grid, odd_samples};
+use crate::codec::grid::{Grid, Odd};
 use crate::codec::payload::{self, Alternatives, PartBytes};
 use crate::codec::sample::{Colour, Normal, Position, Sample};
 use crate::codec::shading::Prediction;
 use crate::{Error, PageSamples, Quadrant};
 
+/// Visits the odd samples of `grid`, each with its value and its prediction, and leaves them as they are.
+fn visit_odd<T: Sample>(grid: &Grid<T>, mut visit: impl FnMut(Odd, T, T::Code)) {
+    let mut grid = grid.clone();
+    let Ok(()) = grid.visit_odd(|odd, own, predicted| {
+        visit(odd, own, predicted);
+        Ok::<_, std::convert::Infallible>(own)
+    });
+}
+
 fn store_odd<T: Sample>(grid: &Grid<T>, out: &mut Vec<[i32; 3]>) {
-    out.extend(
-        odd_samples(grid.side()).map(|odd| grid.get(odd.i, odd.j).residual(grid.predict(odd))),
-    );
+    visit_odd(grid, |_, own, predicted| out.push(own.residual(predicted)));
 }
 
 fn store_odd_normals(grids: &Grids, out: &mut [Vec<[i32; 3]>; 3]) {
-    let normals = &grids.normals;
-    for (prediction, out) in Prediction::ALL.into_iter().zip(out) {
-        out.extend(odd_samples(normals.side()).map(|odd| {
-            let predicted = prediction.predict(normals, &grids.positions, odd);
-            normals.get(odd.i, odd.j).residual(predicted)
-        }));
-    }
+    visit_odd(&grids.normals, |odd, own, interpolated| {
+        for (prediction, out) in Prediction::ALL.into_iter().zip(&mut *out) {
+            let predicted = prediction.predict(interpolated, &grids.positions, odd);
+            out.push(own.residual(predicted));
+        }
+    });
 }
 
 fn store_even<T: Sample>(grid: &Grid<T>, parent: &Grid<T>, out: &mut Vec<[i32; 3]>) {
@@ -34,7 +40,7 @@ fn store_even<T: Sample>(grid: &Grid<T>, parent: &Grid<T>, out: &mut Vec<[i32; 3
         even.samples()
             .iter()
             .zip(parent.samples())
-            .map(|(own, parent)| own.residual(*parent)),
+            .map(|(own, parent)| own.residual(parent.code())),
     );
 }
 
@@ -51,14 +57,18 @@ fn store(grids: &Grids, from: u8, to: u8, out: &mut Alternatives) {
 }
 
 fn grids_of(samples: &PageSamples, coding: Coding) -> Result<Grids, Error> {
-    Grids::new(samples, coding).ok_or(Error::Input {
+    Grids::new(samples, coding).ok_or_else(|| misfit(samples))
+}
+
+fn misfit(samples: &PageSamples) -> Error {
+    Error::Input {
         rule: "a node has (2^resolution + 1)^2 samples",
         detail: format!(
             "{} positions at resolution {}",
             samples.positions.len(),
             samples.resolution
         ),
-    })
+    }
 }
 
 /// Encodes the base of charts whose roots are `roots`.
@@ -81,7 +91,7 @@ pub(crate) fn encode_base<'a>(
         for &corner in corners.normals.samples() {
             out.normals
                 .iter_mut()
-                .for_each(|normals| normals.push(corner.residual(before.1)));
+                .for_each(|normals| normals.push(corner.residual(before.1.code())));
             before.1 = corner;
         }
         for &corner in corners.colours.iter().flat_map(Grid::samples) {
@@ -120,7 +130,7 @@ pub(crate) fn encode_child(
     quadrant: Quadrant,
 ) -> Result<(Vec<u8>, PartBytes), Error> {
     let grids = grids_of(samples, coding)?;
-    let parent = grids_of(parent, coding)?.quarter(quadrant);
+    let parent = Grids::quarter(parent, coding, quadrant).ok_or_else(|| misfit(parent))?;
     let mut out = Alternatives::default();
     store_odd(&grids.positions, &mut out.positions);
     for normals in &mut out.normals {

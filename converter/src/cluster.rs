@@ -205,9 +205,14 @@ impl Layer {
 
     fn show(&mut self, nodes: Vec<ClusterInput>) {
         self.nodes = nodes;
+        self.count();
+        self.state_error();
+    }
+
+    /// Counts the nodes anew.
+    pub fn count(&mut self) {
         self.summary.nodes = self.nodes.len();
         self.summary.leaves = self.leaves().count();
-        self.state_error();
     }
 
     fn state_error(&mut self) {

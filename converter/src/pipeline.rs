@@ -293,6 +293,7 @@ impl Conversion<'_> {
                     progress.fraction(done);
                 })
                 .map_err(|source| self.texture_error(source))?;
+            layer.count();
         }
         Ok(layer)
     }

@@ -91,6 +91,8 @@ pub struct ClusterGroup {
     pub members: Vec<ClusterId>,
     /// Numbers of the children, 2 to 65 535, all above the members'.
     pub children: Range<u32>,
+    /// Whether all children are nearer to the source than the members. Where they are not, nothing is gained by them but finer images.
+    pub is_nearer: bool,
 }
 
 /// The clusters of a file, and the mesh of their root.

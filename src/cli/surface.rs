@@ -161,7 +161,7 @@ fn level_cuts(document: &Document) -> Vec<Cut> {
         } else {
             chart_error(document, cut)
         };
-        cluster::refine(document, cut, |_, node| f64::from(node.error) > most);
+        cluster::refine(document, cut, |_, _, over| f64::from(over) > most);
     }
     cuts
 }
@@ -172,7 +172,7 @@ fn cluster_cuts(document: &Document) -> Vec<Cut> {
     let deepest = nodes.map(|node| node.level).max().unwrap_or(0);
     let cut_at = |depth| {
         let mut cut = Cut::coarsest(0);
-        cluster::refine(document, &mut cut, |_, node| node.level < depth);
+        cluster::refine(document, &mut cut, |_, node, _| node.level < depth);
         cut
     };
     (0..=deepest).map(cut_at).collect()

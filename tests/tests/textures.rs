@@ -2,6 +2,8 @@
 
 #![allow(clippy::unwrap_used, reason = "a failed unwrap fails the test")]
 
+use marquetry_engine::{Camera, Viewer, ViewerOptions, Viewport};
+use marquetry_format::{ClusterGroup, ClusterId, Document, Limits};
 use marquetry_native::Headless;
 use marquetry_tests::{Converted, WITH_CHARTS, arguments, convert, data, marquetry, textured};
 use serde_json::Value;
@@ -122,6 +124,96 @@ fn walled(folder: &Path) -> PathBuf {
     let path = folder.join("wall.obj");
     std::fs::write(&path, text).unwrap();
     path
+}
+
+/// A wavy square of large triangles, with an image of far shorter texels.
+fn wavy(folder: &Path) -> PathBuf {
+    use std::fmt::Write as _;
+    const CELLS: usize = 150;
+    let image = image::RgbImage::from_fn(2048, 2048, |i, j| {
+        let wave = |at: u32, length: f64| (f64::from(at) / length).sin();
+        let tone = 128.0 + 50.0 * wave(i, 23.0) * wave(j, 31.0) + 40.0 * wave(i + 2 * j, 70.0);
+        #[expect(
+            clippy::cast_possible_truncation,
+            clippy::cast_sign_loss,
+            reason = "38 to 218"
+        )]
+        let tone = tone as u8;
+        image::Rgb([tone, 255 - tone, tone / 2])
+    });
+    image.save(folder.join("wavy.png")).unwrap();
+    std::fs::write(folder.join("wavy.mtl"), "newmtl m\nmap_Kd wavy.png\n").unwrap();
+    let mut text = "mtllib wavy.mtl\nusemtl m\n".to_owned();
+    for k in 0..(CELLS + 1).pow(2) {
+        let [x, y] = [k % (CELLS + 1), k / (CELLS + 1)].map(|c| c as f64 / CELLS as f64);
+        let z = 0.02 * (45.0 * x).sin() * (45.0 * y).cos();
+        writeln!(text, "v {x} {y} {z}\nvt {x} {y}").unwrap();
+    }
+    for k in 0..CELLS.pow(2) {
+        let a = k / CELLS * (CELLS + 1) + k % CELLS + 1;
+        let [b, c, d] = [a + 1, a + CELLS + 2, a + CELLS + 1];
+        writeln!(text, "f {a}/{a} {b}/{b} {c}/{c}\nf {a}/{a} {c}/{c} {d}/{d}").unwrap();
+    }
+    let path = folder.join("wavy.obj");
+    std::fs::write(&path, text).unwrap();
+    path
+}
+
+/// Groups of clusters whose children are the same triangles, with finer images: those that a view splits, and all.
+fn split_for_images(file: &Path, distance: f64) -> (usize, usize) {
+    let source = marquetry_native::source::open(file.to_str().unwrap()).unwrap();
+    let document = Document::open(source.as_ref(), Limits::default()).unwrap();
+    let camera = Camera::standard(&document.metadata, 0, distance).unwrap();
+    let mut viewer = Viewer::new(document, ViewerOptions::default()).unwrap();
+    viewer.set_camera(camera);
+    for _ in 0..2000 {
+        for request in viewer.update(0.1, Viewport::new(480, 360)) {
+            let bytes = source.read(request.range.clone()).unwrap();
+            viewer.deliver(request.id, Ok(bytes));
+        }
+        if viewer.is_settled() {
+            break;
+        }
+    }
+    assert!(
+        viewer.is_settled(),
+        "from {distance} radii it does not settle"
+    );
+    let clusters = viewer.document().clusters.as_ref().unwrap();
+    let triangles = |ids: &mut dyn Iterator<Item = ClusterId>| {
+        ids.map(|id| u32::from(clusters.node(id).unwrap().triangles))
+            .sum::<u32>()
+    };
+    let has_same = |group: &&ClusterGroup| {
+        let mut children = group.children.clone().map(ClusterId);
+        let members = triangles(&mut group.members.iter().copied());
+        !group.is_nearer && members == triangles(&mut children)
+    };
+    let groups = clusters.groups.iter().filter(has_same);
+    let cut = &viewer.drawn().cut;
+    let split = groups.clone().filter(|group| cut.is_group_split(group));
+    (split.count(), groups.count())
+}
+
+/// The same triangles are there with longer texels, so that who looks from afar does not read all images.
+#[test]
+fn images_finer_than_pixels_are_not_read() {
+    let folder = TempDir::new().unwrap();
+    let input = wavy(folder.path());
+    let file = convert(&input, &["--charts", "never"]).unwrap();
+    marquetry(&arguments!["verify", &file.path])
+        .unwrap()
+        .succeeded()
+        .unwrap();
+    let headless = Headless::new().unwrap();
+    for distance in [0.4, 1.2, 2.5, 8.0] {
+        let ssim = textured::similarity(&headless, &input, &file.path, 0, distance).unwrap();
+        println!("at {distance}: SSIM {ssim:.4}");
+        assert!(ssim >= 0.985, "at {distance}: SSIM {ssim}");
+    }
+    let [(far, all), (near, _)] = [2.5, 0.25].map(|radii| split_for_images(&file.path, radii));
+    println!("of {all} groups with finer images {far} are split from afar, {near} from near by");
+    assert!(all > 20 && far == 0 && near > 0 && near < all / 2);
 }
 
 /// Colours of triangles without texels end where the triangles do, and what lies beside them stays sharp.

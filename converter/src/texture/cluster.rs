@@ -3,11 +3,13 @@
 //! Every node gets an image of its own, laid out for its own triangles ([`mod@unwrap`]), so a node's page is all that it takes to show
 //! it. A leaf's texels come from the source's images, about as dense as there; those of a node above from the images of its
 //! children, at the places nearest to its own surface: a pyramid whose levels are those of the clusters ([`mod@bake`] fills both).
+//! Leaves with texels far shorter than a pixel may come twice ([`mod@twice`]).
 //! Images are kept only until what is above them has its own.
 //! Parts that no image covers, or one with next to no texels, keep the colours of their vertices.
 
 pub mod bake;
 mod below;
+mod twice;
 pub mod unwrap;
 
 use super::appearance::TexturedFace;
@@ -27,6 +29,7 @@ use rayon::prelude::*;
 use std::cell::Cell;
 use std::collections::{BTreeMap, HashMap, HashSet};
 use std::sync::Arc;
+use twice::Twice;
 use unwrap::{Unwrapped, unwrap};
 
 /// Part of an image that patches cover at best: where a node's texels start from.
@@ -75,11 +78,12 @@ impl Painted {
     }
 }
 
-/// Gives each of `nodes`, of which the first is the root, the texture that its source has. The same for any number of threads.
+/// Gives each of `nodes`, of which the first is the root, the texture that its source has, and adds leaves with all texels below those with
+/// large ones. The same for any number of threads.
 ///
 /// # Errors
 /// When an image is damaged.
-pub fn paint(nodes: &mut [ClusterInput], canvas: &Canvas<'_>) -> Result<(), TextureError> {
+pub fn paint(nodes: &mut Vec<ClusterInput>, canvas: &Canvas<'_>) -> Result<(), TextureError> {
     let light = Light::new();
     let mut members: HashMap<u32, Vec<usize>> = HashMap::new();
     for (number, node) in nodes.iter().enumerate() {
@@ -96,14 +100,20 @@ pub fn paint(nodes: &mut [ClusterInput], canvas: &Canvas<'_>) -> Result<(), Text
         painted: nodes.iter().map(|_| None).collect(),
         nodes,
         members,
+        twice: Vec::new(),
         done: 0,
     };
     if order.is_empty() {
-        return painting.leaves(&[0]);
+        return painting.leaves(vec![(0.0, vec![0])]);
     }
-    order
-        .chunks(GROUPS)
-        .try_for_each(|groups| painting.groups(groups))
+    for groups in order.chunks(GROUPS) {
+        painting.groups(groups)?;
+    }
+    let all_twice = painting.twice;
+    for twice in all_twice {
+        twice.add_to(nodes);
+    }
+    Ok(())
 }
 
 /// The first children of all groups, depth first, those below before those above.
@@ -137,9 +147,10 @@ fn children_first(nodes: &[ClusterInput]) -> Vec<u32> {
 /// Nodes, some of which have their images.
 struct Painting<'a> {
     brush: Brush<'a>,
-    nodes: &'a mut [ClusterInput],
+    nodes: &'a mut Vec<ClusterInput>,
     /// Nodes that have the same children, by the first of these.
     members: HashMap<u32, Vec<usize>>,
+    twice: Vec<Twice>,
     /// Images that are needed above.
     painted: Vec<Option<Painted>>,
     done: usize,
@@ -156,12 +167,14 @@ impl Painting<'_> {
                 Some((members, children))
             })
             .collect();
-        let children = left.iter().flat_map(|(_, children)| children);
-        let leaves = children.map(|&child| child as usize);
-        let leaves: Vec<usize> = leaves
-            .filter(|&child| self.nodes[child].children.is_empty())
-            .collect();
-        self.leaves(&leaves)?;
+        let leaves = left.iter().map(|(members, children)| {
+            let error = members.first().map_or(0.0, |&k| self.nodes[k].error);
+            let children = children.iter().map(|&child| child as usize);
+            let leaves = children.filter(|&child| self.nodes[child].children.is_empty());
+            (f64::from(error), leaves.collect())
+        });
+        let leaves = leaves.collect();
+        self.leaves(leaves)?;
         while !left.is_empty() {
             let is_ready = |children: &[u32]| {
                 children
@@ -191,7 +204,8 @@ impl Painting<'_> {
                 .zip(&below)
                 .map(|((members, _), below)| {
                     let below = Below::new(below);
-                    let inner = |&member: &usize| brush.inner(&nodes[member], below.as_ref());
+                    let inner =
+                        |&member: &usize| brush.inner(&nodes[member], below.as_ref(), COARSER);
                     members.par_iter().map(inner).collect()
                 })
                 .collect::<Result<Vec<Vec<_>>, _>>()?;
@@ -218,13 +232,23 @@ impl Painting<'_> {
         }
     }
 
-    fn leaves(&mut self, leaves: &[usize]) -> Result<(), TextureError> {
-        let (brush, nodes) = (&self.brush, &*self.nodes);
-        let painted = leaves
-            .par_iter()
-            .map(|&leaf| brush.leaf(&nodes[leaf]))
-            .collect::<Result<Vec<_>, _>>()?;
-        self.keep(leaves, painted);
+    /// Paints leaves, listed by the groups that they are children of, with the errors of these.
+    fn leaves(&mut self, groups: Vec<(f64, Vec<usize>)>) -> Result<(), TextureError> {
+        let (brush, nodes) = (&self.brush, &**self.nodes);
+        let painted = groups
+            .into_par_iter()
+            .map(|(error, leaves)| {
+                let painted = leaves
+                    .par_iter()
+                    .map(|&leaf| brush.leaf(&nodes[leaf]))
+                    .collect::<Result<Vec<_>, _>>()?;
+                brush.twice(nodes, error, leaves, painted)
+            })
+            .collect::<Result<Vec<_>, TextureError>>()?;
+        for (leaves, painted, twice) in painted {
+            self.keep(&leaves, painted);
+            self.twice.extend(twice);
+        }
         Ok(())
     }
 
@@ -314,6 +338,7 @@ impl Brush<'_> {
         &self,
         node: &ClusterInput,
         below: Option<&Below<'_>>,
+        coarser: f64,
     ) -> Result<Painted, TextureError> {
         let mut painted = self.plain(&node.mesh);
         let Some(source) = below else {
@@ -327,7 +352,7 @@ impl Brush<'_> {
         let texels = FULL * f64::from(MAX_TEXTURE_TEXELS).powi(2);
         let scale = (texels / area.max(f64::MIN_POSITIVE))
             .sqrt()
-            .min(COARSER * finest);
+            .min(coarser * finest);
         if let Some(mesh) = unwrap(&painted.positions, &painted.triangles, scale) {
             let last = Cell::new(None);
             let image = bake(

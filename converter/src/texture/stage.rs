@@ -186,13 +186,13 @@ impl Textures {
         Ok(triangles.par_iter().map(need).collect())
     }
 
-    /// Gives each of `nodes` its texture; nothing where nothing is textured.
+    /// Gives each of `nodes` its texture, and adds leaves below leaves for theirs; nothing where nothing is textured.
     ///
     /// # Errors
     /// When an image is damaged.
     pub fn paint(
         &self,
-        nodes: &mut [ClusterInput],
+        nodes: &mut Vec<ClusterInput>,
         lattice: &Lattice,
         progress: &(dyn Fn(f64) + Sync),
     ) -> Result<(), TextureError> {

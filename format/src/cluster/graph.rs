@@ -86,6 +86,11 @@ pub(super) fn graph(
             found: u64::from(next),
         });
     }
+    for group in &mut groups {
+        let error_of = |id: u32| nodes.get(at(id)).map_or(0.0, |node| node.error);
+        let error = group.members.first().map_or(0.0, |id| error_of(id.0));
+        group.is_nearer = group.children.clone().all(|child| error_of(child) < error);
+    }
     for (node, group) in nodes.iter_mut().zip(group_of) {
         if let Some(group) = group.and_then(|group| groups.get(group)) {
             node.children = group.children.clone();
@@ -118,6 +123,7 @@ fn groups(facts: &[Facts]) -> Result<(Vec<ClusterGroup>, Vec<Option<usize>>), Er
                 groups.push(ClusterGroup {
                     members: Vec::new(),
                     children: 0..0,
+                    is_nearer: true,
                 });
                 groups.len().checked_sub(1)
             }

@@ -134,19 +134,24 @@ pub fn needed(document: &Document, cut: &Cut) -> Vec<NeededCluster> {
     needed
 }
 
-/// Splits, from the root down, every group that may be split and has a member that is `too_coarse`.
+/// Splits, from the root down, every group that may be split and has a member that is `too_coarse`; that is told by how much nearer to the source its children may be as well.
 pub fn refine(
     document: &Document,
     cut: &mut Cut,
-    mut too_coarse: impl FnMut(ClusterId, &ClusterNode) -> bool,
+    mut too_coarse: impl FnMut(ClusterId, &ClusterNode, f32) -> bool,
 ) {
     refine_groups(document, cut, |group| {
         let mut members = group.members.iter();
         members.any(|&id| {
             let node = document.clusters.as_ref().and_then(|all| all.node(id));
-            node.is_some_and(|node| too_coarse(id, node))
+            node.is_some_and(|node| too_coarse(id, node, error_over(group, node)))
         })
     });
+}
+
+/// What a member of a group is off at most, lattice units, where its children are less; 0 where they are not, and have finer images alone.
+pub(super) fn error_over(group: &ClusterGroup, member: &ClusterNode) -> f32 {
+    if group.is_nearer { member.error } else { 0.0 }
 }
 
 /// Splits, from the root down, every group that may be split and of which `splits` is true.
@@ -165,7 +170,7 @@ fn refine_groups(
     descend(document, split, |_, _, _| ());
 }
 
-/// The groups that `cut` draws and that may be split, the coarsest first.
+/// The groups that `cut` draws and whose children may take their place and are nearer to the source, the coarsest first.
 pub fn splittable<'d>(document: &'d Document, cut: &Cut) -> Vec<&'d ClusterGroup> {
     let Some(clusters) = &document.clusters else {
         return Vec::new();
@@ -173,7 +178,7 @@ pub fn splittable<'d>(document: &'d Document, cut: &Cut) -> Vec<&'d ClusterGroup
     let mut groups = Vec::new();
     let split = |group: &ClusterGroup| {
         let is_split = cut.is_group_split(group);
-        if !is_split {
+        if !is_split && group.is_nearer {
             groups.extend(group.members.first().copied());
         }
         is_split

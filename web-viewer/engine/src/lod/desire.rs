@@ -10,7 +10,7 @@ use super::cut::{Cut, Leaf, QUADRANTS};
 use super::residency::children;
 use crate::camera::View;
 use marquetry_format::quadtree::PAGE_RESOLUTION;
-use marquetry_format::{Bounds, ChartId, ClusterNode, Document, NodeId, PageId};
+use marquetry_format::{Bounds, ChartId, ClusterGroup, ClusterNode, Document, NodeId, PageId};
 use std::collections::BTreeSet;
 
 /// A leaf that was wanted is given up when a coarser one's error falls below this part of the target: until then it shows the coarser one
@@ -119,7 +119,7 @@ impl Forest {
             is_refinable(document, leaf, &mut blocks)
         });
         balance::coarsen(&mut cut, &document.charts);
-        cluster::refine(document, &mut cut, |id, node| {
+        cluster::refine(document, &mut cut, |id, node, error| {
             let was_split = target.previous.is_some_and(|cut| cut.is_cluster_split(id));
             let limit = if was_split {
                 HYSTERESIS * target.paged_error_px
@@ -133,7 +133,7 @@ impl Forest {
             } else {
                 texels
             };
-            is_more_important(target.view, node.error, &node.bounds, limit)
+            is_more_important(target.view, error, &node.bounds, limit)
                 || node.texel.is_some_and(|texel| {
                     is_more_important(target.view, texel, &node.bounds, texels)
                 })
@@ -263,9 +263,10 @@ fn texel_px(view: &View, node: &ClusterNode) -> f64 {
         .map_or(0.0, |texel| importance_px(view, texel, &node.bounds))
 }
 
-/// What is shown in place of a cluster's children, pixels: its error, or the length of its texels.
-pub fn cluster_importance_px(view: &View, node: &ClusterNode) -> f64 {
-    importance_px(view, node.error, &node.bounds).max(texel_px(view, node))
+/// What is shown in place of the children of a member of a group, pixels: its error, where theirs is less, or the length of its texels.
+pub fn cluster_importance_px(view: &View, group: &ClusterGroup, node: &ClusterNode) -> f64 {
+    let error = cluster::error_over(group, node);
+    importance_px(view, error, &node.bounds).max(texel_px(view, node))
 }
 
 /// Whether the file holds anything finer than `leaf` and the index of it is loaded; notes the blocks that are not.

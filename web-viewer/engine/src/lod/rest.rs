@@ -10,6 +10,7 @@
 //! finer surface's own error is below the target. Limit: vertices of torn scans of which the file tells a wrong place are farther off on their way.
 
 use super::animate::Drawn;
+use super::cluster::error_over;
 use super::cluster::morph::{GroupMorphs, split_groups};
 use super::cut::{Cut, Leaf};
 use super::desire::{Forest, Target, root_error};
@@ -56,7 +57,7 @@ fn group_morphs(document: &Document, target: &Target<'_>, cut: &mut Cut) -> Grou
     let mut morphs = GroupMorphs::new();
     let of_group = |group: &ClusterGroup| {
         let nodes = group.members.iter().filter_map(|&id| clusters.node(id));
-        let parts = nodes.map(|node| part_of_cluster(target, node));
+        let parts = nodes.map(|node| part_of_cluster(target, error_over(group, node), node));
         parts.fold(0.0, f64::max)
     };
     let mut below = Vec::new();
@@ -88,9 +89,9 @@ fn group_morphs(document: &Document, target: &Target<'_>, cut: &mut Cut) -> Grou
     morphs
 }
 
-/// What is seen of a cluster's error, or of its texels' length, parts of what is wanted.
-fn part_of_cluster(target: &Target<'_>, node: &ClusterNode) -> f64 {
-    let error = target.view.error_px(node.error, &node.bounds) / target.paged_error_px;
+/// What is seen of an error of a cluster, or of its texels' length, parts of what is wanted.
+fn part_of_cluster(target: &Target<'_>, error: f32, node: &ClusterNode) -> f64 {
+    let error = target.view.error_px(error, &node.bounds) / target.paged_error_px;
     let texels = target.paged_error_px / target.error_px;
     let texel = node.texel.unwrap_or(0.0);
     error.max(target.view.error_px(texel, &node.bounds) / texels)

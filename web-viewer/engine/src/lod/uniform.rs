@@ -121,7 +121,7 @@ fn cut_at(document: &Document, error: f64) -> Cut {
         is_refinable(document, leaf)
     });
     balance::coarsen(&mut cut, &document.charts);
-    cluster::refine(document, &mut cut, |_, node| f64::from(node.error) > error);
+    cluster::refine(document, &mut cut, |_, _, over| f64::from(over) > error);
     cut
 }
 

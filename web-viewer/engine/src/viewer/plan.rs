@@ -183,14 +183,19 @@ impl Viewer {
         for what in clusters {
             let tree = self.document.clusters.as_ref();
             let above = tree.and_then(|tree| tree.node(what.above));
+            let group = above.and_then(|node| node.group);
+            let over = tree.zip(group).and_then(|(tree, id)| tree.group(id));
             self.add_needed(Needed {
                 page: what.page,
                 parent: what.parent,
                 node: None,
-                group: above.and_then(|node| node.group),
+                group,
                 importance_px: above
+                    .zip(over)
                     .filter(|_| !self.table.contains(what.page))
-                    .map_or(0.0, |node| cluster_importance_px(view, node)),
+                    .map_or(0.0, |(node, group)| {
+                        cluster_importance_px(view, group, node)
+                    }),
                 allowed: true,
             });
         }

@@ -9,7 +9,7 @@ fn restricted_cuts_cover_every_leaf_once() {
     let mut random = Random::new(21);
     for _ in 0..40 {
         let mut cut = Cut::coarsest(document.charts.len());
-        refine(&document, &mut cut, |_, _| random.below(4) > 0);
+        refine(&document, &mut cut, |_, _, _| random.below(4) > 0);
         let pages: Vec<PageId> = needed(&document, &cut).iter().map(|n| n.page).collect();
         let there: BTreeSet<PageId> = pages
             .iter()
@@ -47,7 +47,7 @@ fn restricted_cuts_cover_every_leaf_once() {
 fn parents_come_before_children() {
     let (document, _) = clustered(300).unwrap();
     let mut cut = Cut::coarsest(document.charts.len());
-    refine(&document, &mut cut, |_, _| true);
+    refine(&document, &mut cut, |_, _, _| true);
     let mut seen = BTreeSet::new();
     for needed in needed(&document, &cut) {
         assert!(needed.parent.is_none_or(|parent| seen.contains(&parent)));
@@ -61,7 +61,7 @@ fn parents_come_before_children() {
 fn finest_mesh_holds_the_triangles_of_all_leaves() {
     let (document, source) = clustered(70).unwrap();
     let mut cut = Cut::coarsest(document.charts.len());
-    refine(&document, &mut cut, |_, _| true);
+    refine(&document, &mut cut, |_, _, _| true);
     let mut builder = MeshBuilder::new(false);
     append(&document, &source, &Drawn::of(cut), &mut builder).unwrap();
     let leaves = document.clusters.as_ref().unwrap().leaf_triangles();
@@ -117,7 +117,7 @@ fn cuts_through_groups_are_whole_whatever_is_asked_for() {
         for likely in [2, 3, 8, 40] {
             for _ in 0..12 {
                 let mut cut = Cut::coarsest(wall.document.charts.len());
-                refine(&wall.document, &mut cut, |_, _| random.below(likely) > 0);
+                refine(&wall.document, &mut cut, |_, _, _| random.below(likely) > 0);
                 check(&wall, &cut);
                 sizes.insert(drawn(&wall.document, &cut).len());
             }
@@ -136,7 +136,7 @@ fn finer_thresholds_split_more_groups() {
     let mut before: Option<(BTreeSet<ClusterId>, u64)> = None;
     for threshold in errors.into_iter().rev().chain([-1.0]) {
         let mut cut = Cut::coarsest(document.charts.len());
-        refine(document, &mut cut, |_, node| node.error > threshold);
+        refine(document, &mut cut, |_, node, _| node.error > threshold);
         check(&wall, &cut);
         let is_leaf = |id: ClusterId| nodes[id.0 as usize].children.is_empty();
         for id in drawn(document, &cut) {
@@ -163,7 +163,7 @@ fn restricted_cuts_through_groups_use_what_is_there() {
         let wall = Wall::new(20 + round, None).unwrap();
         let document = &wall.document;
         let mut wanted = Cut::coarsest(document.charts.len());
-        refine(document, &mut wanted, |_, _| random.below(8) > 0);
+        refine(document, &mut wanted, |_, _, _| random.below(8) > 0);
         let pages: BTreeSet<PageId> = needed(document, &wanted).iter().map(|n| n.page).collect();
         let one_in = 2 + random.below(60);
         let there: BTreeSet<PageId> = pages
@@ -202,7 +202,7 @@ fn children_of_several_are_needed_once_and_after_all_of_these() {
     let document = &wall.document;
     let clusters = document.clusters.as_ref().unwrap();
     let mut cut = Cut::coarsest(document.charts.len());
-    refine(document, &mut cut, |_, _| true);
+    refine(document, &mut cut, |_, _, _| true);
     let mut seen = BTreeSet::new();
     for needed in needed(document, &cut) {
         let id = document.cluster_of_page(needed.page).unwrap();

@@ -105,7 +105,7 @@ fn check(document: &Document, drawn_now: &Drawn) {
 fn random_target(document: &Document, random: &mut Random) -> Drawn {
     let mut cut = Cut::coarsest(document.charts.len());
     let one_in = [1, 2, 4, 12, 60][random.below(5) as usize];
-    refine(document, &mut cut, |_, _| random.below(one_in) > 0);
+    refine(document, &mut cut, |_, _, _| random.below(one_in) > 0);
     let clusters = document.clusters.as_ref().unwrap();
     let mut target = Drawn::of(cut);
     for id in split_groups(clusters, &target.cut) {

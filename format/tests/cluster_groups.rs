@@ -125,6 +125,20 @@ fn groups_survive() {
         }
     }
     assert_eq!(clusters.leaf_triangles(), 5 * 5 * 4);
+    assert!(clusters.groups.iter().all(|group| group.is_nearer));
+}
+
+#[test]
+fn groups_know_whether_their_children_are_nearer() {
+    let mut nodes = grouped_clusters(10, true);
+    // One of two is as far as what it is below.
+    nodes[9].error = nodes[5].error;
+    let file = written(&nodes).unwrap();
+    let report = verify(&SliceSource(&file)).unwrap();
+    assert!(report.ok, "{report:#?}");
+    let clusters = open(&file).clusters.unwrap();
+    let are_nearer: Vec<bool> = clusters.groups.iter().map(|g| g.is_nearer).collect();
+    assert_eq!(are_nearer, [true, true, true, false, true]);
 }
 
 #[test]

@@ -3,7 +3,7 @@
 //! Every node gets an image of its own, laid out for its own triangles ([`mod@unwrap`]), so a node's page is all that it takes to show
 //! it. A leaf's texels come from the source's images, about as dense as there; those of a node above from the images of its
 //! children, at the places nearest to its own surface: a pyramid whose levels are those of the clusters ([`mod@bake`] fills both).
-//! Leaves with texels far shorter than a pixel may come twice ([`mod@twice`]).
+//! Leaves with texels far shorter than a pixel may come twice (`twice`).
 //! Images are kept only until what is above them has its own.
 //! Parts that no image covers, or one with next to no texels, keep the colours of their vertices.
 

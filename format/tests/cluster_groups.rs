@@ -131,8 +131,11 @@ fn groups_survive() {
 #[test]
 fn groups_know_whether_their_children_are_nearer() {
     let mut nodes = grouped_clusters(10, true);
-    // One of two is as far as what it is below.
+    // One of two leaves is as far as what it is below, and two that have leaves below them as far as the root.
     nodes[9].error = nodes[5].error;
+    for inner in [1, 4] {
+        nodes[inner].error = nodes[0].error;
+    }
     let file = written(&nodes).unwrap();
     let report = verify(&SliceSource(&file)).unwrap();
     assert!(report.ok, "{report:#?}");

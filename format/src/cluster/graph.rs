@@ -86,15 +86,18 @@ pub(super) fn graph(
             found: u64::from(next),
         });
     }
-    for group in &mut groups {
-        let error_of = |id: u32| nodes.get(at(id)).map_or(0.0, |node| node.error);
-        let error = group.members.first().map_or(0.0, |id| error_of(id.0));
-        group.is_nearer = group.children.clone().all(|child| error_of(child) < error);
-    }
     for (node, group) in nodes.iter_mut().zip(group_of) {
         if let Some(group) = group.and_then(|group| groups.get(group)) {
             node.children = group.children.clone();
         }
+    }
+    for group in &mut groups {
+        let node = |id: u32| nodes.get(at(id));
+        let member = group.members.first().and_then(|id| node(id.0));
+        let error = member.map_or(0.0, |node| node.error);
+        let mut children = group.children.clone().filter_map(node);
+        let are_leaves = children.clone().all(|child| child.children.is_empty());
+        group.is_nearer = !are_leaves || children.all(|child| child.error < error);
     }
     Ok((nodes, groups))
 }

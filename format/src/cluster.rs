@@ -91,8 +91,8 @@ pub struct ClusterGroup {
     pub members: Vec<ClusterId>,
     /// Numbers of the children, 2 to 65 535, all above the members'.
     pub children: Range<u32>,
-    /// Whether something below is nearer to the source than the members. It is not where all children are leaves and one has the members' error: the
-    /// others then differ from the members by less than a step of the code of errors, and nothing is gained by them but finer images.
+    /// Whether something below is nearer to the source than the members. It is not where the children are the same again: leaves of as many triangles,
+    /// of which one has the members' error. Nothing is gained by them but finer images.
     pub is_nearer: bool,
 }
 

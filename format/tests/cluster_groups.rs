@@ -131,8 +131,14 @@ fn groups_survive() {
 #[test]
 fn groups_know_whether_their_children_are_nearer() {
     let mut nodes = grouped_clusters(10, true);
-    // One of two leaves is as far as what it is below, and two that have leaves below them as far as the root.
-    nodes[9].error = nodes[5].error;
+    // Leaves as far as what they are below: the same again below 5, finer below 6 and 7.
+    for (leaf, member) in [(9, 5), (12, 6)] {
+        nodes[leaf].error = nodes[member].error;
+    }
+    nodes[9].mesh = nodes[5].mesh.clone();
+    nodes[10].mesh = nodes[1].mesh.clone();
+    nodes[5].mesh = nodes[8].mesh.clone();
+    // As far as the root, with leaves below.
     for inner in [1, 4] {
         nodes[inner].error = nodes[0].error;
     }

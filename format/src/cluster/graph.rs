@@ -92,14 +92,21 @@ pub(super) fn graph(
         }
     }
     for group in &mut groups {
-        let node = |id: u32| nodes.get(at(id));
-        let member = group.members.first().and_then(|id| node(id.0));
-        let error = member.map_or(0.0, |node| node.error);
-        let mut children = group.children.clone().filter_map(node);
-        let are_leaves = children.clone().all(|child| child.children.is_empty());
-        group.is_nearer = !are_leaves || children.all(|child| child.error < error);
+        group.is_nearer = !is_repeated(group, &nodes);
     }
     Ok((nodes, groups))
+}
+
+/// Whether the children are as many triangles as the members, all of them leaves, and one is no nearer to the source.
+fn is_repeated(group: &ClusterGroup, nodes: &[ClusterNode]) -> bool {
+    let node = |id: u32| nodes.get(at(id));
+    let mut members = group.members.iter().filter_map(|id| node(id.0));
+    let children = || group.children.clone().filter_map(node);
+    let error = members.clone().map(|node| node.error).next();
+    let triangles = |sum: u32, node: &ClusterNode| sum.saturating_add(u32::from(node.triangles));
+    children().all(|child| child.children.is_empty())
+        && children().any(|child| error.is_some_and(|error| child.error >= error))
+        && children().fold(0, triangles) == members.by_ref().fold(0, triangles)
 }
 
 /// The groups, in the order of their first members, without their children; and the place of each node's own among them.

@@ -2,18 +2,23 @@
 
 #![allow(clippy::unwrap_used, reason = "a failed unwrap fails the test")]
 
-use marquetry_engine::{Camera, Viewer, ViewerOptions, Viewport};
-use marquetry_format::{ClusterGroup, ClusterId, Document, Limits};
+use marquetry_engine::{ViewerOptions, Viewport};
 use marquetry_native::Headless;
+use marquetry_tests::stage::Stage;
 use marquetry_tests::{Converted, WITH_CHARTS, arguments, convert, data, marquetry, textured};
 use serde_json::Value;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 use tempfile::TempDir;
 
-/// Near and far the picture looks as the source does.
-fn assert_similar(input: &Path, file: &Converted) {
+/// Views and distances, and how similar the picture is to the source there at least.
+const NEAR_AND_FAR: [(usize, f64, f64); 4] =
+    [(0, 2.5, 0.9), (4, 2.5, 0.9), (0, 1.2, 0.85), (0, 8.0, 0.9)];
+
+/// The picture looks as the source does from these views and distances.
+fn assert_similar(input: &Path, file: &Converted, from: &[(usize, f64, f64)]) {
     let headless = Headless::new().unwrap();
-    for (view, distance, least) in [(0, 2.5, 0.9), (4, 2.5, 0.9), (0, 1.2, 0.85), (0, 8.0, 0.9)] {
+    for &(view, distance, least) in from {
         let ssim = textured::similarity(&headless, input, &file.path, view, distance).unwrap();
         println!("view {view} at {distance}: SSIM {ssim:.4}");
         assert!(ssim >= least, "view {view} at {distance}: SSIM {ssim}");
@@ -66,7 +71,7 @@ fn assert_keeps_textures(input: &Path) {
     );
     let verified = marquetry(&arguments!["verify", &file.path]).unwrap();
     verified.succeeded().unwrap();
-    assert_similar(input, &file);
+    assert_similar(input, &file, &NEAR_AND_FAR);
 }
 
 /// A finely textured square, and beside it a wall of large triangles with a fraction of a texel each: how scans end.
@@ -160,36 +165,14 @@ fn wavy(folder: &Path) -> PathBuf {
 }
 
 /// Groups of clusters whose children are the same triangles, with finer images: those that a view splits, and all.
-fn split_for_images(file: &Path, distance: f64) -> (usize, usize) {
-    let source = marquetry_native::source::open(file.to_str().unwrap()).unwrap();
-    let document = Document::open(source.as_ref(), Limits::default()).unwrap();
-    let camera = Camera::standard(&document.metadata, 0, distance).unwrap();
-    let mut viewer = Viewer::new(document, ViewerOptions::default()).unwrap();
-    viewer.set_camera(camera);
-    for _ in 0..2000 {
-        for request in viewer.update(0.1, Viewport::new(480, 360)) {
-            let bytes = source.read(request.range.clone()).unwrap();
-            viewer.deliver(request.id, Ok(bytes));
-        }
-        if viewer.is_settled() {
-            break;
-        }
-    }
-    assert!(
-        viewer.is_settled(),
-        "from {distance} radii it does not settle"
-    );
+fn split_for_images(headless: &Headless, bytes: &Arc<[u8]>, distance: f64) -> (usize, usize) {
+    let (options, viewport) = (ViewerOptions::default(), Viewport::new(480, 360));
+    let mut stage = Stage::open(headless, Arc::clone(bytes), options, viewport).unwrap();
+    stage.look_from(0, distance).unwrap();
+    stage.settle().unwrap();
+    let viewer = stage.viewer();
     let clusters = viewer.document().clusters.as_ref().unwrap();
-    let triangles = |ids: &mut dyn Iterator<Item = ClusterId>| {
-        ids.map(|id| u32::from(clusters.node(id).unwrap().triangles))
-            .sum::<u32>()
-    };
-    let has_same = |group: &&ClusterGroup| {
-        let mut children = group.children.clone().map(ClusterId);
-        let members = triangles(&mut group.members.iter().copied());
-        !group.is_nearer && members == triangles(&mut children)
-    };
-    let groups = clusters.groups.iter().filter(has_same);
+    let groups = clusters.groups.iter().filter(|group| !group.is_nearer);
     let cut = &viewer.drawn().cut;
     let split = groups.clone().filter(|group| cut.is_group_split(group));
     (split.count(), groups.count())
@@ -205,13 +188,12 @@ fn images_finer_than_pixels_are_not_read() {
         .unwrap()
         .succeeded()
         .unwrap();
+    let from = [0.4, 1.2, 2.5, 8.0].map(|distance| (0, distance, 0.985));
+    assert_similar(&input, &file, &from);
     let headless = Headless::new().unwrap();
-    for distance in [0.4, 1.2, 2.5, 8.0] {
-        let ssim = textured::similarity(&headless, &input, &file.path, 0, distance).unwrap();
-        println!("at {distance}: SSIM {ssim:.4}");
-        assert!(ssim >= 0.985, "at {distance}: SSIM {ssim}");
-    }
-    let [(far, all), (near, _)] = [2.5, 0.25].map(|radii| split_for_images(&file.path, radii));
+    let bytes: Arc<[u8]> = std::fs::read(&file.path).unwrap().into();
+    let [(far, all), (near, _)] =
+        [2.5, 0.25].map(|distance| split_for_images(&headless, &bytes, distance));
     println!("of {all} groups with finer images {far} are split from afar, {near} from near by");
     assert!(all > 20 && far == 0 && near > 0 && near < all / 2);
 }
@@ -226,12 +208,8 @@ fn large_triangles_of_one_colour_have_sharp_borders() {
         .unwrap()
         .succeeded()
         .unwrap();
-    let headless = Headless::new().unwrap();
-    for (distance, least) in [(1.2, 0.985), (2.5, 0.985), (6.0, 0.95)] {
-        let ssim = textured::similarity(&headless, &input, &file.path, 0, distance).unwrap();
-        println!("at {distance}: SSIM {ssim:.4}");
-        assert!(ssim >= least, "at {distance}: SSIM {ssim}");
-    }
+    let from = [(0, 1.2, 0.985), (0, 2.5, 0.985), (0, 6.0, 0.95)];
+    assert_similar(&input, &file, &from);
 }
 
 #[test]
@@ -250,5 +228,5 @@ fn charts_of_a_textured_scan_look_as_their_source_near_and_far() {
     assert!(3 * count("bytes") <= count("image_bytes"), "{textures}");
     let verified = marquetry(&arguments!["verify", &file.path]).unwrap();
     verified.succeeded().unwrap();
-    assert_similar(&input, &file);
+    assert_similar(&input, &file, &NEAR_AND_FAR);
 }

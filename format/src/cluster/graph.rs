@@ -100,13 +100,15 @@ pub(super) fn graph(
 /// Whether the children are as many triangles as the members, all of them leaves, and one is no nearer to the source.
 fn is_repeated(group: &ClusterGroup, nodes: &[ClusterNode]) -> bool {
     let node = |id: u32| nodes.get(at(id));
-    let mut members = group.members.iter().filter_map(|id| node(id.0));
+    let members = || group.members.iter().filter_map(|id| node(id.0));
     let children = || group.children.clone().filter_map(node);
-    let error = members.clone().map(|node| node.error).next();
     let triangles = |sum: u32, node: &ClusterNode| sum.saturating_add(u32::from(node.triangles));
+    let Some(first) = members().next() else {
+        return false;
+    };
     children().all(|child| child.children.is_empty())
-        && children().any(|child| error.is_some_and(|error| child.error >= error))
-        && children().fold(0, triangles) == members.by_ref().fold(0, triangles)
+        && children().any(|child| child.error >= first.error)
+        && children().fold(0, triangles) == members().fold(0, triangles)
 }
 
 /// The groups, in the order of their first members, without their children; and the place of each node's own among them.

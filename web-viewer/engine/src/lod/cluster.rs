@@ -134,7 +134,8 @@ pub fn needed(document: &Document, cut: &Cut) -> Vec<NeededCluster> {
     needed
 }
 
-/// Splits, from the root down, every group that may be split and has a member that is `too_coarse`; that is told by how much nearer to the source its children may be as well.
+/// Splits, from the root down, every group that may be split and has a member that is `too_coarse`, of which that is told its number, it, and how far off it is
+/// where its children are nearer to the source, lattice units; else 0.
 pub fn refine(
     document: &Document,
     cut: &mut Cut,
@@ -149,7 +150,7 @@ pub fn refine(
     });
 }
 
-/// What a member of a group is off at most, lattice units, where its children are less; 0 where they are not, and have finer images alone.
+/// How far off a member of a group is at most, lattice units; 0 where its children are no nearer to the source, and have finer images alone.
 pub(super) fn error_over(group: &ClusterGroup, member: &ClusterNode) -> f32 {
     if group.is_nearer { member.error } else { 0.0 }
 }
@@ -170,7 +171,7 @@ fn refine_groups(
     descend(document, split, |_, _, _| ());
 }
 
-/// The groups that `cut` draws and whose children may take their place and are nearer to the source, the coarsest first.
+/// The groups that `cut` draws and that may be split, but for those whose children are no nearer to the source; the coarsest first.
 pub fn splittable<'d>(document: &'d Document, cut: &Cut) -> Vec<&'d ClusterGroup> {
     let Some(clusters) = &document.clusters else {
         return Vec::new();

@@ -15,6 +15,7 @@ mod direct;
 mod graph;
 mod group;
 pub mod leaf;
+mod local;
 pub mod refine;
 pub mod select;
 pub mod shape;
@@ -124,6 +125,8 @@ pub struct Layer {
     pub summary: Summary,
     /// All that was built, with its area.
     graph: Graph,
+    /// By node of that whether it is left out.
+    is_gone: Vec<bool>,
     area: f64,
     step: f64,
 }
@@ -146,7 +149,7 @@ impl Layer {
     pub fn add_error(&mut self, distance: f64) {
         if distance > 0.0 {
             self.graph.add_error(distance / self.step);
-            self.show(self.graph.nodes(&vec![false; self.graph.len()]));
+            self.show(vec![false; self.graph.len()]);
         }
     }
 
@@ -170,32 +173,49 @@ impl Layer {
                 bound: f64::from(leaf.error) * self.step,
             })
             .collect();
-        let mut bounds = direct::bounds(surface, source, &leaves, found)
+        let bounds = direct::bounds(surface, source, &leaves, found);
+        let bounds: Vec<f32> = bounds
             .into_iter()
-            .map(|bound| bound / self.step);
-        let mut new = vec![0.0_f32; self.nodes.len()];
-        for (id, node) in self.nodes.iter().enumerate() {
+            .map(|bound| upwards(bound / self.step))
+            .collect();
+        let mut rest = bounds.as_slice();
+        let mut own: Vec<&[f32]> = vec![&[]; self.nodes.len()];
+        for (node, own) in self.nodes.iter_mut().zip(&mut own) {
             if node.children.is_empty() {
-                new[id] = upwards(bounds.next().unwrap_or(f64::INFINITY));
+                (*own, rest) = rest.split_at(node.mesh.triangles.len());
+                node.error = own.iter().copied().fold(0.0, f32::max);
             }
         }
-        // Children follow what they replace, and keep their distance from it.
-        for id in (0..self.nodes.len()).rev() {
-            let node = &self.nodes[id];
-            if node.children.is_empty() {
+        let shown = self.shown();
+        let mut known: Vec<Option<Vec<f32>>> = vec![None; self.graph.len()];
+        for ((&id, node), own) in shown.iter().zip(&self.nodes).zip(own) {
+            // What was painted may have leaves below that the graph does not know of, which follow all that it does, and its triangles may be in another order.
+            let children = node.children.iter().map(|&child| child as usize);
+            if children.clone().any(|child| child < shown.len()) {
                 continue;
             }
-            let most = |of: &dyn Fn(usize) -> f32| {
-                let children = node.children.iter().map(|&child| of(child as usize));
-                f64::from(children.fold(0.0, f32::max))
-            };
-            let step = f64::from(node.error) - most(&|child| self.nodes[child].error);
-            new[id] = upwards(most(&|child| new[child]) + step);
+            known[id as usize] = Some(if node.texel.is_none() && node.children.is_empty() {
+                own.to_vec()
+            } else {
+                let largest =
+                    children.fold(node.error, |most, child| most.max(self.nodes[child].error));
+                vec![largest; self.graph.node(id).mesh.triangles.len()]
+            });
         }
-        for (node, error) in self.nodes.iter_mut().zip(new) {
-            node.error = error;
+        self.graph.tighten(&shown, known);
+        for (&id, node) in shown.iter().zip(&mut self.nodes) {
+            node.error = self.graph.node(id).error;
         }
         self.state_error();
+    }
+
+    /// What the first nodes are in the graph, the last of which is the first here.
+    fn shown(&self) -> Vec<u32> {
+        let ids = (0u32..).zip(&self.is_gone);
+        let kept = ids.filter_map(|(id, is_gone)| (!is_gone).then_some(id));
+        let mut shown: Vec<u32> = kept.collect();
+        shown.reverse();
+        shown
     }
 
     /// Whether something was left out.
@@ -203,8 +223,9 @@ impl Layer {
         self.nodes.len() < self.graph.len()
     }
 
-    fn show(&mut self, nodes: Vec<ClusterInput>) {
-        self.nodes = nodes;
+    fn show(&mut self, is_gone: Vec<bool>) {
+        self.nodes = self.graph.nodes(&is_gone);
+        self.is_gone = is_gone;
         self.count();
         self.state_error();
     }
@@ -259,10 +280,11 @@ pub fn build(
             ..Summary::default()
         },
         area: graph.area(),
+        is_gone: vec![false; graph.len()],
         graph,
         step: lattice.step,
     };
-    layer.show(layer.graph.nodes(&vec![false; layer.graph.len()]));
+    layer.show(layer.is_gone.clone());
     layer
 }
 

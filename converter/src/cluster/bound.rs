@@ -7,6 +7,7 @@
 //! as loose as it is. It is a bound all the same.
 
 use super::graph::Distance;
+use super::local::{self, Link};
 use glam::DVec3;
 use marquetry_evaluation::distance::{Bvh, closest_point};
 
@@ -14,6 +15,8 @@ use marquetry_evaluation::distance::{Bvh, closest_point};
 const DEPTH: u32 = 10;
 /// A bound is good enough at this multiple of what is seen at corners.
 const LOOSENESS: f64 = 1.05;
+/// The bound of a triangle is good enough at this part of the largest distance seen of all.
+const SMALL: f64 = 0.7;
 
 /// A mesh to measure distances to.
 #[derive(Debug)]
@@ -48,7 +51,7 @@ impl<'a> Target<'a> {
     /// Upper bound of the distance from every point of `triangle`; no effort is made to get below `enough`.
     pub fn distance(&self, triangle: [DVec3; 3], enough: f64) -> f64 {
         let corners = triangle.map(|point| self.nearest(point, None));
-        self.descend(corners, enough, DEPTH)
+        self.descend(corners, enough, DEPTH, &mut Vec::new())
     }
 
     /// Upper bound of the distance from every point of a mesh; no effort is made to get below `enough`, and none is made once it is above
@@ -61,11 +64,13 @@ impl<'a> Target<'a> {
         most: f64,
     ) -> f64 {
         let mut largest = 0.0f64;
+        let mut parts = Vec::new();
         for t in triangles {
             let [Some(a), Some(b), Some(c)] = t.map(|v| vertices[v as usize]) else {
                 return f64::INFINITY;
             };
-            let bound = self.descend([a, b, c], enough.max(largest), DEPTH);
+            parts.clear();
+            let bound = self.descend([a, b, c], enough.max(largest), DEPTH, &mut parts);
             largest = largest.max(bound);
             if largest > most {
                 break;
@@ -102,35 +107,47 @@ impl<'a> Target<'a> {
         }
     }
 
-    fn descend(&self, corners: [Nearest; 3], enough: f64, depth: u32) -> f64 {
+    /// Upper bound of the distance of a triangle. Which triangle each of its parts is near to, and how near, goes to `parts`.
+    fn descend(
+        &self,
+        corners: [Nearest; 3],
+        enough: f64,
+        depth: u32,
+        parts: &mut Vec<Part>,
+    ) -> f64 {
         let points = corners.map(|corner| corner.point);
         let seen = corners
             .iter()
             .map(|corner| corner.distance)
             .fold(0.0, f64::max);
         let is_enough = |bound: f64| bound <= enough || bound <= LOOSENESS * seen;
-        let by = |bound: f64, nearest: Nearest| bound.min(self.farthest(points, nearest.triangle));
-        let mut bound = f64::INFINITY;
-        for corner in corners {
-            bound = by(bound, corner);
+        let (mut bound, mut of) = (f64::INFINITY, None);
+        let hint = corners[0].triangle;
+        for number in 0..=corners.len() {
+            let nearest = corners.get(number).copied();
+            let nearest = nearest
+                .unwrap_or_else(|| self.nearest(points.into_iter().sum::<DVec3>() / 3.0, hint));
+            let farthest = self.farthest(points, nearest.triangle);
+            if farthest < bound {
+                (bound, of) = (farthest, nearest.triangle);
+            }
             if is_enough(bound) {
-                return bound;
+                break;
             }
         }
-        let hint = corners[0].triangle;
-        bound = by(
-            bound,
-            self.nearest(points.into_iter().sum::<DVec3>() / 3.0, hint),
-        );
         if is_enough(bound) || depth == 0 {
+            parts.push((of, bound));
             return bound;
         }
+        let before = parts.len();
         let [a, b, c] = turned(corners, |corner| corner.point);
         let middle = self.nearest(a.point.midpoint(b.point), a.triangle);
         let mut halved = 0.0f64;
         for half in [[a, middle, c], [middle, b, c]] {
-            halved = halved.max(self.descend(half, enough.max(halved), depth - 1));
+            halved = halved.max(self.descend(half, enough.max(halved), depth - 1, parts));
             if halved >= bound {
+                parts.truncate(before);
+                parts.push((of, bound));
                 return bound;
             }
         }
@@ -152,6 +169,9 @@ impl<'a> Target<'a> {
         point.distance(closest_point(other, point))
     }
 }
+
+/// The triangle that a part of another is near to, if there is one, and how near.
+type Part = (Option<u32>, f64);
 
 /// A point, and the triangle that is nearest to it.
 #[derive(Debug, Clone, Copy)]
@@ -215,6 +235,41 @@ pub(super) fn distance(to_first: &Target<'_>, to_second: &Target<'_>, most: f64)
     }
     let back = to_first.distance_of(&backward, second.1, enough, most);
     found(bound.max(back).max(seen))
+}
+
+/// The same of a mesh that stands for the second, and which of their triangles are how near to each other.
+pub(super) fn linked(to_first: &Target<'_>, to_second: &Target<'_>) -> (Distance, Vec<Link>) {
+    let [first, second] = [to_first, to_second].map(|target| (target.positions, target.triangles));
+    let (forward, backward) = (
+        to_second.nearest_of(first.0, first.1),
+        to_first.nearest_of(second.0, second.1),
+    );
+    let all = forward.iter().chain(&backward).flatten();
+    let seen = all.fold(0.0, |seen: f64, nearest| seen.max(nearest.distance));
+    let squares = squares(second, &backward);
+    let (mut bound, mut links, mut parts) = (seen, Vec::new(), Vec::new());
+    let ways = [
+        (to_second, forward, first.1, false),
+        (to_first, backward, second.1, true),
+    ];
+    for (to, vertices, triangles, is_back) in ways {
+        for (own, t) in (0u32..).zip(triangles) {
+            parts.clear();
+            if let [Some(a), Some(b), Some(c)] = t.map(|v| vertices[v as usize]) {
+                to.descend([a, b, c], SMALL * seen, DEPTH, &mut parts);
+            } else {
+                parts.push((None, f64::INFINITY));
+            }
+            for &(other, distance) in &parts {
+                bound = bound.max(distance);
+                // What is near nothing is infinitely far from any.
+                let other = other.unwrap_or_default();
+                let (child, member) = if is_back { (own, other) } else { (other, own) };
+                links.push(Link::new(child, member, distance));
+            }
+        }
+    }
+    (Distance { bound, squares }, local::merged(links))
 }
 
 /// Integral of the squared distance over a mesh, from that of its vertices.

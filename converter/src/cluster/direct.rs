@@ -4,7 +4,7 @@
 //! each triangle: it holds where all corners are that near to one and the same triangle of the other surface, as the distance from a
 //! triangle is a convex function. Where it does not, what lies above the triangle nearest to the middle is cut off, and each part is asked the same, until it holds for all of them
 //! or the middle of one is farther; then a longer distance is tried. Small pieces are mostly done with sooner: one holds whose middle is nearer by its radius, so triangles that are not large beside the
-//! distance are first halved until that holds of all parts. Every leaf has a bound of its own. Other than [`super::bound`], which looks for the least bound of small meshes, this asks for one distance at a time.
+//! distance are first halved until that holds of all parts. Every triangle has a bound of its own. Other than [`super::bound`], which looks for the least bound of small meshes, this asks for one distance at a time.
 //!
 //! Limit: where too many pieces are asked about, a longer distance is tried though the shorter one may hold.
 
@@ -23,7 +23,7 @@ pub(super) struct Leaf {
     pub(super) bound: f64,
 }
 
-/// The first distance tried for a leaf, over the largest one seen of it: less may hold, and takes long to show.
+/// The first distance tried for a triangle, over the largest one seen of it: less may hold, and takes long to show.
 const START: f64 = 2.0;
 /// The first distance tried, over the largest one found anywhere, at least: less takes longer, and views are hardly coarser.
 const LEAST: f64 = 1.0;
@@ -43,7 +43,7 @@ const HALVINGS: u32 = 8;
 /// What rounding may hide.
 const HAIR: f64 = 1.0 + 1e-9;
 
-/// By leaf, an upper bound of the distance of its triangles from `source`, and of the triangles of `source` that lie nearest to it from `surface`. `found` is the largest distance seen.
+/// By triangle of `surface`, an upper bound of its distance from `source`, and of that of the triangles of `source` that lie nearest to it from `surface`. `found` is the largest distance seen.
 ///
 /// The same for any number of threads.
 pub(super) fn bounds(
@@ -53,7 +53,8 @@ pub(super) fn bounds(
     found: f64,
 ) -> Vec<f64> {
     if found <= 0.0 {
-        return leaves.iter().map(|leaf| leaf.bound).collect();
+        let known = leaves.iter().map(|leaf| vec![leaf.bound; leaf.triangles]);
+        return known.collect::<Vec<_>>().concat();
     }
     let start = LEAST * found;
     let mut end = 0;
@@ -65,19 +66,21 @@ pub(super) fn bounds(
             first..end
         })
         .collect();
-    // Leaves are as good as they are: one bad place is no reason to draw all the others where they are not needed. A bound that is known of a leaf holds for its own triangles.
-    let mut bounds: Vec<f64> = ranges
-        .par_iter()
+    // Triangles are as good as they are: one bad place is no reason to draw all the others where they are not needed. A bound that is known of a leaf holds for its own.
+    let parts: Vec<Vec<f64>> = ranges
+        .into_par_iter()
         .zip(leaves)
         .map(|(range, leaf)| {
             let mut near = Near::new(source);
-            let seen = near.seen(surface.mesh, range.clone(), start / START);
-            let first = (START * seen).max(start);
-            range.clone().fold(first.min(leaf.bound), |least, t| {
-                near.bound(surface.mesh.corners(t), least, leaf.bound)
-            })
+            let bound = |t: usize| {
+                let corners = surface.mesh.corners(t);
+                let first = START * near.seen(corners, start / START);
+                near.bound(corners, first.min(leaf.bound), leaf.bound)
+            };
+            range.map(bound).collect()
         })
         .collect();
+    let mut bounds = parts.concat();
     // Of the source's only the largest does.
     let most = leaves.iter().map(|leaf| leaf.bound).fold(0.0, f64::max);
     let least = (bounds.iter().copied().fold(most, f64::min)).max(start.min(most));
@@ -86,9 +89,7 @@ pub(super) fn bounds(
         let corners = source.mesh.corners(t);
         let reach = bound + radius(&corners);
         for near in surface.tree.within(middle(&corners), reach * reach) {
-            let triangle = near.triangle as usize;
-            let leaf = ranges.partition_point(|range| range.end <= triangle);
-            if let Some(own) = bounds.get_mut(leaf) {
+            if let Some(own) = bounds.get_mut(near.triangle as usize) {
                 *own = own.max(bound);
             }
         }
@@ -132,24 +133,14 @@ impl<'a> Near<'a> {
         }
     }
 
-    /// The largest distance of corners and middles of some triangles of `mesh`, whose corners follow one another, or `least`, where none is farther.
-    fn seen(&mut self, mesh: Mesh<'_>, triangles: Range<usize>, least: f64) -> f64 {
+    /// The largest distance of corners and middle of a triangle, or `least`, where none is farther.
+    fn seen(&mut self, triangle: [DVec3; 3], least: f64) -> f64 {
         let mut most2 = least * least;
-        let mut ask = |point: DVec3| {
+        for point in triangle.into_iter().chain([middle(&triangle)]) {
             if !self.to.tree.is_within(point, most2, &mut self.hint) {
                 let closest = self.to.tree.closest(point, f64::INFINITY);
                 most2 = closest.map_or(most2, |closest| closest.distance2);
             }
-        };
-        let corners = mesh.triangles[triangles.clone()].as_flattened();
-        if let (Some(&first), Some(&last)) = (corners.iter().min(), corners.iter().max()) {
-            let all = &mesh.positions[first as usize..=last as usize];
-            for &point in all {
-                ask(point);
-            }
-        }
-        for t in triangles {
-            ask(middle(&mesh.corners(t)));
         }
         most2.sqrt()
     }
@@ -389,8 +380,9 @@ mod tests {
                 let distances = surface.measure(source, 2_000_000);
                 assert!(distances.hausdorff() <= most);
                 assert!(most <= 2.1 * distances.hausdorff());
-                // Leaf by leaf, from many places of each of its triangles.
-                for (t, bound) in bounds.iter().flat_map(|bound| [bound; 50]).enumerate() {
+                // Triangle by triangle, from many places.
+                assert_eq!(bounds.len(), surface.mesh.triangles.len());
+                for (t, bound) in bounds.iter().enumerate() {
                     let [a, b, c] = surface.mesh.corners(t);
                     for k in 0..231_u32 {
                         // Rows of 1, 2, 3.. places.
@@ -403,7 +395,7 @@ mod tests {
                 }
                 assert!(bounds.iter().any(|bound| *bound < 0.9 * most) || found > most / 2.2);
                 if found > 0.5 * distances.hausdorff() {
-                    // One spike is no reason to call all leaves as bad.
+                    // One spike is no reason to call all triangles as bad.
                     let good = bounds.iter().filter(|bound| **bound <= 1.01 * found);
                     assert!(good.count() >= bounds.len() / 2);
                 }

@@ -2,16 +2,20 @@
 
 use super::became::Became;
 use super::leaf::upwards;
+use super::local::{self, Link};
 use super::shape::Shape;
 use marquetry_format::LatticePoint;
 use marquetry_format::cluster::morph::{Places, UNRANKED};
 use marquetry_format::writer::ClusterInput;
+use std::collections::HashMap;
 
 /// Nodes, children before what they replace.
 #[derive(Debug, Default)]
 pub(super) struct Graph {
     nodes: Vec<ClusterInput>,
     groups: Vec<Group>,
+    /// By node a bound of each of its triangles, at most its error.
+    local: Vec<Vec<f32>>,
 }
 
 /// Nodes of a component, and what replaces them.
@@ -21,6 +25,8 @@ pub(super) struct Group {
     pub(super) children: Vec<u32>,
     /// Integral of the squared distance between them over the children's area, lattice units to the fourth power.
     pub(super) squares: f64,
+    /// `None` where members have the triangles of the children, in their order.
+    links: Option<Vec<Link>>,
 }
 
 /// How far a mesh is from those that it stands for.
@@ -72,22 +78,28 @@ impl Graph {
         distance: f64,
         colours: bool,
     ) -> u32 {
-        let errors = children.iter().map(|&child| self.node(child).error);
-        let error = upwards(f64::from(errors.fold(0.0, f32::max)) + distance);
+        let error = upwards(f64::from(self.largest(&children)) + distance);
         self.push(shape, error, children, colours)
     }
 
-    /// Adds nodes that all together `children` replace, whose vertices `became` theirs; their numbers.
+    /// The largest error of some nodes.
+    fn largest(&self, nodes: &[u32]) -> f32 {
+        let errors = nodes.iter().map(|&id| self.node(id).error);
+        errors.fold(0.0, f32::max)
+    }
+
+    /// Adds nodes that all together `children` replace, whose vertices `became` theirs; their numbers. `links` are as [`Group`] has them.
     pub(super) fn group(
         &mut self,
         shapes: &[Shape],
         children: &[u32],
-        distance: Distance,
+        squares: f64,
+        links: Option<Vec<Link>>,
         became: &Became,
         colours: bool,
     ) -> Vec<u32> {
-        let above = |shape| self.above(shape, children.to_vec(), distance.bound, colours);
-        let members: Vec<u32> = shapes.iter().map(above).collect();
+        let add = |shape| self.push(shape, 0.0, children.to_vec(), colours);
+        let members: Vec<u32> = shapes.iter().map(add).collect();
         let places = Places::of(members.iter().map(|&member| &self.node(member).mesh));
         for &child in children {
             let mesh = &mut self.nodes[child as usize].mesh;
@@ -97,16 +109,75 @@ impl Graph {
             };
             mesh.ranks = mesh.positions.iter().map(rank).collect();
         }
-        self.groups.push(Group {
+        let group = Group {
             members: members.clone(),
             children: children.to_vec(),
-            squares: distance.squares,
-        });
+            squares,
+            links,
+        };
+        self.add_up(&group);
+        self.groups.push(group);
         members
+    }
+
+    /// States the errors of a group's members from what is known of its children's triangles.
+    fn add_up(&mut self, group: &Group) {
+        let local = |&child: &u32| self.local[child as usize].as_slice();
+        let below = (group.children.iter().map(local)).collect::<Vec<_>>();
+        let mut all = below.concat();
+        if let Some(links) = &group.links {
+            all = local::above(links, &all, self.triangles(&group.members));
+        }
+        let below = self.largest(&group.children);
+        let error = all.iter().copied().fold(below, f32::max);
+        let mut rest = all.as_slice();
+        for &member in &group.members {
+            let own;
+            (own, rest) = rest.split_at(self.node(member).mesh.triangles.len());
+            self.local[member as usize] = own.to_vec();
+            self.nodes[member as usize].error = error;
+        }
+    }
+
+    /// Replaces the errors of all nodes that are `shown` by those that follow from what is `known` of triangles of some, by node, in lattice units; something is of all leaves among them.
+    pub(super) fn tighten(&mut self, shown: &[u32], known: Vec<Option<Vec<f32>>>) {
+        let groups = std::mem::take(&mut self.groups);
+        let mut group_of: HashMap<u32, &Group> = HashMap::new();
+        for group in &groups {
+            group_of.extend(group.members.iter().map(|&member| (member, group)));
+        }
+        let steps: Vec<f64> = (self.nodes.iter())
+            .map(|node| f64::from(node.error) - f64::from(self.largest(&node.children)))
+            .collect();
+        let mut is_shown = vec![false; self.nodes.len()];
+        for &id in shown {
+            is_shown[id as usize] = true;
+        }
+        for (id, known) in (0u32..).zip(known) {
+            let number = id as usize;
+            let local = match (known, group_of.get(&id)) {
+                _ if !is_shown[number] => continue,
+                (Some(known), _) => known,
+                (None, Some(group)) => {
+                    if group.members.first() == Some(&id) {
+                        self.add_up(group);
+                    }
+                    continue;
+                }
+                (None, None) => {
+                    let below = f64::from(self.largest(self.children(number)));
+                    vec![upwards(below + steps[number]); self.local[number].len()]
+                }
+            };
+            self.nodes[number].error = local.iter().copied().fold(0.0, f32::max);
+            self.local[number] = local;
+        }
+        self.groups = groups;
     }
 
     fn push(&mut self, shape: &Shape, error: f32, children: Vec<u32>, colours: bool) -> u32 {
         let id = id(self.nodes.len());
+        self.local.push(vec![error; shape.triangles.len()]);
         self.nodes.push(ClusterInput {
             mesh: shape.cluster(colours),
             error,
@@ -119,6 +190,7 @@ impl Graph {
     /// Adds all nodes of `other`, which has one; the number of its last.
     pub(super) fn append(&mut self, other: Self) -> u32 {
         let first = id(self.nodes.len());
+        self.local.extend(other.local);
         let moved = |ids: &mut Vec<u32>| ids.iter_mut().for_each(|id| *id += first);
         self.nodes.extend(other.nodes.into_iter().map(|mut node| {
             moved(&mut node.children);
@@ -144,8 +216,9 @@ impl Graph {
 
     /// Counts what the leaves are made of is from the source, lattice units, as error of every node.
     pub(super) fn add_error(&mut self, distance: f64) {
-        for node in &mut self.nodes {
-            node.error = upwards(f64::from(node.error) + distance);
+        let own = self.nodes.iter_mut().map(|node| &mut node.error);
+        for error in own.chain(self.local.iter_mut().flatten()) {
+            *error = upwards(f64::from(*error) + distance);
         }
     }
 

@@ -12,10 +12,11 @@
 
 use super::Room;
 use super::became::Became;
-use super::graph::{Distance, Graph};
+use super::graph::Graph;
 use super::leaf::Piece;
+use super::local::Link;
 use super::shape::Shape;
-use super::simplify::simplified_within;
+use super::simplify::{Simplified, simplified_within};
 use super::tree;
 use marquetry_format::LatticePoint;
 use meshopt::{VertexDataAdapter, partition_clusters_with_positions, typed_to_bytes};
@@ -171,7 +172,8 @@ impl Groups {
 /// What stands for a group.
 struct Coarser {
     parts: Vec<Shape>,
-    distance: Distance,
+    squares: f64,
+    links: Option<Vec<Link>>,
     became: Became,
 }
 
@@ -194,20 +196,32 @@ fn coarser(
     if whole.fits(room) {
         return Some(Coarser {
             parts: vec![whole],
-            distance: Distance {
-                bound: 0.0,
-                squares: 0.0,
-            },
+            squares: 0.0,
+            links: None,
             became: Became::itself(),
         });
     }
     let target = (FULL * members.len().div_ceil(reduction)).min(whole.triangles.len() / 2);
     let is_held = |place: &LatticePoint| groups.is_held(place);
-    let (shape, distance, became) = simplified_within(&whole, is_held, target, unit, room)?;
-    let parts = shape.split(FULL, room);
+    let simplified = simplified_within(&whole, is_held, target, unit, room)?;
+    let Simplified {
+        shape,
+        squares,
+        mut links,
+        became,
+    } = simplified;
+    let (parts, order) = shape.split(FULL, room);
+    let mut place = vec![0; order.len()];
+    for (number, &triangle) in (0u32..).zip(&order) {
+        place[triangle as usize] = number;
+    }
+    for link in &mut links {
+        link.member = place[link.member as usize];
+    }
     (3 * parts.len() <= 2 * members.len()).then_some(Coarser {
         parts,
-        distance,
+        squares,
+        links: Some(links),
         became,
     })
 }
@@ -227,7 +241,8 @@ fn next(
             .filter_map(|member| front[member].take());
         let Some(Coarser {
             parts,
-            distance,
+            squares,
+            links,
             became,
         }) = coarser
         else {
@@ -235,7 +250,7 @@ fn next(
             continue;
         };
         let children: Vec<u32> = members.map(|node| node.id).collect();
-        let ids = graph.group(&parts, &children, distance, &became, colours);
+        let ids = graph.group(&parts, &children, squares, links, &became, colours);
         let nodes = ids.into_iter().zip(parts);
         above.extend(nodes.map(|(id, shape)| Node { id, shape }));
     }

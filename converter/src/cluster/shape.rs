@@ -73,12 +73,12 @@ impl Shape {
         part
     }
 
-    /// Parts that fit clusters, of about `most` triangles or fewer each.
-    pub fn split(&self, most: usize, room: Room) -> Vec<Self> {
+    /// Parts that fit clusters, of about `most` triangles or fewer each, and the numbers of their triangles.
+    pub fn split(&self, most: usize, room: Room) -> (Vec<Self>, Vec<u32>) {
         let mut triangles: Vec<u32> = (0u32..).take(self.triangles.len()).collect();
         let mut parts = Vec::new();
         self.split_into(&mut triangles, most, room, &mut parts);
-        parts
+        (parts, triangles)
     }
 
     fn split_into(&self, triangles: &mut [u32], most: usize, room: Room, parts: &mut Vec<Self>) {

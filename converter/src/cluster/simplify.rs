@@ -11,7 +11,7 @@
 use super::Room;
 use super::became::Became;
 use super::bound::{self, Target, hausdorff};
-use super::graph::Distance;
+use super::local::Link;
 use super::shape::{Shape, point};
 use super::trace::traced;
 use crate::mesh::refit::{Cloud, Refit, refit};
@@ -61,25 +61,40 @@ pub fn simplified(shape: &Shape, room: Room) -> (Shape, f64) {
     best.unwrap_or_else(|| (largest(shape, 1), f64::INFINITY))
 }
 
-/// A mesh of about `target` triangles in place of `shape`, with every vertex whose place `is_held` and the others at multiples of `unit`, the distance between them, and what the
-/// vertices of `shape` have become; `None` where nothing is left.
+/// What stands for a shape.
+pub(super) struct Simplified {
+    pub(super) shape: Shape,
+    /// Integral of the squared distance over the shape, lattice units to the fourth power.
+    pub(super) squares: f64,
+    /// How far its triangles are from those of the shape, which are the children's.
+    pub(super) links: Vec<Link>,
+    /// What the shape's vertices have become.
+    pub(super) became: Became,
+}
+
+/// A mesh of about `target` triangles in place of `shape`, with every vertex whose place `is_held` and the others at multiples of `unit`; `None` where nothing is left.
 pub(super) fn simplified_within(
     shape: &Shape,
     is_held: impl Fn(&LatticePoint) -> bool,
     target: usize,
     unit: u32,
     room: Room,
-) -> Option<(Shape, Distance, Became)> {
+) -> Option<Simplified> {
     let collapsed = collapse_within(shape, &is_held, target, room);
     let (coarser, moved) = fitted(&collapsed, shape, is_held, unit);
     let (own, positions) = (coarser.positions(), shape.positions());
     let to = Target::new(&own, &coarser.triangles)?;
     let from = Target::new(&positions, &shape.triangles)?;
-    let distance = bound::distance(&to, &from, f64::INFINITY);
+    let (distance, links) = bound::linked(&to, &from);
     let mut became = traced(shape, &collapsed);
     became.and_moved(&moved);
     became.keep_within(shape, &from, &to, distance.bound);
-    Some((coarser, distance, became))
+    Some(Simplified {
+        shape: coarser,
+        squares: distance.squares,
+        links,
+        became,
+    })
 }
 
 /// `coarser` with vertices moved to where it is nearest to `shape`, all at one place together; those whose place `is_held` stay,
@@ -266,8 +281,13 @@ mod tests {
         let to = Target::new(&own, &plain.triangles).unwrap();
         let from = Target::new(&positions, &bowl.triangles).unwrap();
         let before = bound::distance(&to, &from, f64::INFINITY);
-        let (fitted, distance, became) =
-            simplified_within(&bowl, is_rim, 300, UNIT, Room::Plain).unwrap();
+        let simplified = simplified_within(&bowl, is_rim, 300, UNIT, Room::Plain).unwrap();
+        let Simplified {
+            shape: fitted,
+            squares,
+            became,
+            ..
+        } = simplified;
         assert!(fitted.triangles.len() <= plain.triangles.len());
         // What everything has become is there, and is itself on the rim.
         let there: std::collections::BTreeSet<LatticePoint> =
@@ -276,10 +296,7 @@ mod tests {
             let became = became.of(*place).unwrap();
             assert!(there.contains(&became) && (!is_rim(place) || became == *place));
         }
-        assert!(
-            distance.squares < 0.5 * before.squares,
-            "{distance:?} {before:?}"
-        );
+        assert!(squares < 0.5 * before.squares, "{squares:?} {before:?}");
         let places: Vec<LatticePoint> = fitted.vertices.iter().map(|v| v.0).collect();
         assert!(places.as_flattened().iter().all(|c| c % UNIT == 0));
         let rim = |shape: &Shape| -> std::collections::BTreeSet<LatticePoint> {

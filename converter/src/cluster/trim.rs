@@ -5,7 +5,6 @@
 //! to the next are taken to add up. Groups, and what they stand for, stay as they are, so cuts are as tight as ever.
 
 use super::graph::{Graph, Group};
-use marquetry_format::writer::ClusterInput;
 
 /// What may be added to the error of the leaves.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -19,8 +18,8 @@ pub struct Budget {
 /// Halvings of the interval of prices.
 const STEPS: u32 = 40;
 
-/// All nodes of `graph` but those that `budget` makes dispensable, as [`Graph::nodes`] gives them.
-pub(super) fn trimmed(graph: &Graph, budget: Budget) -> Vec<ClusterInput> {
+/// By node whether `budget` makes it dispensable.
+pub(super) fn trimmed(graph: &Graph, budget: Budget) -> Vec<bool> {
     let prices = || graph.groups().iter().map(|group| price(graph, group));
     let finite = prices().filter(|price| price.is_finite());
     let (mut low, mut high) = (0.0, finite.fold(0.0, f64::max));
@@ -36,7 +35,7 @@ pub(super) fn trimmed(graph: &Graph, budget: Budget) -> Vec<ClusterInput> {
         }
         high = low;
     }
-    graph.nodes(&at(high).is_gone)
+    at(high).is_gone
 }
 
 /// Squared error that goes with each triangle saved.

@@ -324,12 +324,15 @@ fn halves(piece: &[DVec3]) -> impl Iterator<Item = Vec<DVec3>> {
 }
 
 #[cfg(test)]
-mod tests {
+pub(super) mod tests {
     use super::*;
     use marquetry_evaluation::distance::measure;
 
     /// A sheet of `cells`² cells over the unit square, as high as `height` says.
-    fn sheet(cells: u32, height: impl Fn(f64, f64) -> f64) -> (Vec<DVec3>, Vec<[u32; 3]>) {
+    pub(in crate::cluster) fn sheet(
+        cells: u32,
+        height: impl Fn(f64, f64) -> f64,
+    ) -> (Vec<DVec3>, Vec<[u32; 3]>) {
         let side = cells + 1;
         let at = |k: u32| f64::from(k) / f64::from(cells);
         let place = |k: u32| (at(k % side), at(k / side));
@@ -345,8 +348,17 @@ mod tests {
         )
     }
 
-    fn bumps(x: f64, y: f64) -> f64 {
+    pub(in crate::cluster) fn bumps(x: f64, y: f64) -> f64 {
         0.02 * (9.0 * x).sin() * (7.0 * y).cos()
+    }
+
+    /// 231 places on a triangle, in rows of 1, 2, 3...
+    pub(in crate::cluster) fn places([a, b, c]: [DVec3; 3]) -> impl Iterator<Item = DVec3> {
+        let rows = (0..21_u32).flat_map(|row| (0..=row).map(move |k| [row, k]));
+        rows.map(move |place| {
+            let [v, w] = place.map(|n| f64::from(n) / 20.0);
+            a + v * (b - a) + w * (c - b)
+        })
     }
 
     /// A coarse sheet and a fine one with a spike, in leaves of 50 triangles, and the largest distance found.
@@ -383,12 +395,7 @@ mod tests {
                 // Triangle by triangle, from many places.
                 assert_eq!(bounds.len(), surface.mesh.triangles.len());
                 for (t, bound) in bounds.iter().enumerate() {
-                    let [a, b, c] = surface.mesh.corners(t);
-                    for k in 0..231_u32 {
-                        // Rows of 1, 2, 3.. places.
-                        let row = (0..21).find(|row| (row + 1) * (row + 2) / 2 > k).unwrap();
-                        let [v, w] = [row, k - row * (row + 1) / 2].map(|n| f64::from(n) / 20.0);
-                        let point = a + v * (b - a) + w * (c - b);
+                    for point in places(surface.mesh.corners(t)) {
                         let closest = source.tree.closest(point, f64::INFINITY).unwrap();
                         assert!(closest.distance2.sqrt() <= *bound);
                     }

@@ -50,6 +50,7 @@ pub(super) fn above(links: &[Link], below: &[f32], count: usize) -> Vec<f32> {
 #[cfg(test)]
 mod tests {
     use super::super::bound::{Target, linked};
+    use super::super::direct::tests::{bumps, places, sheet};
     use super::*;
     use glam::DVec3;
 
@@ -64,41 +65,25 @@ mod tests {
         ];
         let links = merged(links.to_vec());
         assert_eq!(links.len(), 3);
-        // Neither 5 + 100 nor 1 + 100, since what is 100 off has become something near.
+        // Not 105, as the largest of both sums to: what is 100 off has become something nearer.
         assert_eq!(above(&links, &[100.0, 7.0], 2), [101.0, 103.0]);
         assert_eq!(above(&links, &[1.0, 7.0], 2), [2.0, 12.0]);
-    }
-
-    /// A sheet of `cells`² cells of `size`, as high as `height` says.
-    fn sheet(
-        cells: u32,
-        size: f64,
-        height: impl Fn(f64, f64) -> f64,
-    ) -> (Vec<DVec3>, Vec<[u32; 3]>) {
-        let side = cells + 1;
-        let place = |k: u32| [k % side, k / side].map(|c| size * f64::from(c));
-        let places = (0..side * side).map(place);
-        let positions = places.map(|[x, y]| DVec3::new(x, y, height(x, y)));
-        let corners = |k: u32| {
-            let a = k / cells * side + k % cells;
-            [[a, a + 1, a + side + 1], [a, a + side + 1, a + side]]
-        };
-        let triangles = (0..cells * cells).flat_map(corners);
-        (positions.collect(), triangles.collect())
     }
 
     /// Every point of either sheet is as near to one that is linked to its triangle as the link says: so a known distance of the
     /// one holds for the other with that more.
     #[test]
     fn links_hold_both_ways() {
-        let bumps = |x: f64, y: f64| 3.0 * (x / 9.0).sin() * (y / 7.0).cos();
-        let spike = |x: f64, y: f64| bumps(x, y) + (6.0 - (x - 31.0).hypot(y - 52.0)).max(0.0);
-        let (fine, coarse) = (sheet(40, 2.0, spike), sheet(8, 10.0, bumps));
+        let spike = |x: f64, y: f64| {
+            let from = (x - 0.4).hypot(y - 0.65);
+            bumps(x, y) + (0.08 - from).max(0.0)
+        };
+        let (fine, coarse) = (sheet(40, spike), sheet(8, bumps));
         let [first, second] = [&coarse, &fine]
             .map(|(positions, triangles)| Target::new(positions, triangles).unwrap());
         let (distance, links) = linked(&first, &second);
         let most = links.iter().map(|link| link.distance).fold(0.0, f32::max);
-        assert!(f64::from(most) >= distance.bound && most < 9.0, "{most}");
+        assert!(f64::from(most) >= distance.bound && most < 0.12, "{most}");
         let corners = |(positions, triangles): &(Vec<DVec3>, Vec<[u32; 3]>), t: u32| {
             triangles[t as usize].map(|v| positions[v as usize])
         };
@@ -110,12 +95,7 @@ mod tests {
                     .collect();
                 let largest = linked.iter().map(|link| link.distance).fold(0.0, f32::max);
                 tight += usize::from(largest < 0.75 * most);
-                let [a, b, c] = corners(own, t);
-                for k in 0..55_u32 {
-                    // Rows of 1, 2, 3.. places.
-                    let row = (0..10).find(|row| (row + 1) * (row + 2) / 2 > k).unwrap();
-                    let [v, w] = [row, k - row * (row + 1) / 2].map(|n| f64::from(n) / 9.0);
-                    let point = a + v * (b - a) + w * (c - b);
+                for point in places(corners(own, t)) {
                     let is_near = |link: &&&Link| {
                         let other = corners(other, if is_back { link.child } else { link.member });
                         let nearest = marquetry_evaluation::distance::closest_point(other, point);

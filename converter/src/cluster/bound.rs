@@ -204,53 +204,64 @@ pub fn hausdorff(
     most: f64,
 ) -> f64 {
     let target = |(positions, triangles)| Target::new(positions, triangles);
-    match (target(first), target(second)) {
-        (Some(first), Some(second)) => distance(&first, &second, most).bound,
-        _ => f64::INFINITY,
-    }
-}
-
-/// The same, and the integral of the squared distance to the first over the second, from what is seen at its vertices.
-pub(super) fn distance(to_first: &Target<'_>, to_second: &Target<'_>, most: f64) -> Distance {
-    let [first, second] = [to_first, to_second].map(|target| (target.positions, target.triangles));
-    let (forward, backward) = (
-        to_second.nearest_of(first.0, first.1),
-        to_first.nearest_of(second.0, second.1),
-    );
+    let (Some(to_first), Some(to_second)) = (target(first), target(second)) else {
+        return f64::INFINITY;
+    };
     // The distance is at least what is seen at vertices, so there is no use in knowing better of what is nearer.
-    let seen = forward
-        .iter()
-        .chain(&backward)
-        .flatten()
-        .fold(0.0, |seen: f64, nearest| seen.max(nearest.distance));
-    let squares = squares(second, &backward);
-    let found = |bound| Distance { bound, squares };
+    let Seen {
+        forward,
+        backward,
+        most: seen,
+    } = Seen::of(&to_first, &to_second);
     if seen > most {
-        return found(seen);
+        return seen;
     }
     let enough = LOOSENESS * seen;
     let bound = to_second.distance_of(&forward, first.1, enough, most);
     if bound > most {
-        return found(bound);
+        return bound;
     }
     let back = to_first.distance_of(&backward, second.1, enough, most);
-    found(bound.max(back).max(seen))
+    bound.max(back).max(seen)
 }
 
-/// The same of a mesh that stands for the second, and which of their triangles are how near to each other.
-pub(super) fn linked(to_first: &Target<'_>, to_second: &Target<'_>) -> (Distance, Vec<Link>) {
-    let [first, second] = [to_first, to_second].map(|target| (target.positions, target.triangles));
-    let (forward, backward) = (
-        to_second.nearest_of(first.0, first.1),
-        to_first.nearest_of(second.0, second.1),
-    );
-    let all = forward.iter().chain(&backward).flatten();
-    let seen = all.fold(0.0, |seen: f64, nearest| seen.max(nearest.distance));
-    let squares = squares(second, &backward);
+/// What is seen at the vertices of two meshes.
+struct Seen {
+    /// Of the first mesh.
+    forward: Vec<Option<Nearest>>,
+    /// Of the second.
+    backward: Vec<Option<Nearest>>,
+    /// The largest distance.
+    most: f64,
+}
+
+impl Seen {
+    fn of(first: &Target<'_>, second: &Target<'_>) -> Self {
+        let forward = second.nearest_of(first.positions, first.triangles);
+        let backward = first.nearest_of(second.positions, second.triangles);
+        let all = forward.iter().chain(&backward).flatten();
+        let most = all.fold(0.0, |most: f64, nearest| most.max(nearest.distance));
+        Self {
+            forward,
+            backward,
+            most,
+        }
+    }
+}
+
+/// The distance of `first`, which stands for `second`, from that, and which of their triangles are how near to each other.
+pub(super) fn linked(first: &Target<'_>, second: &Target<'_>) -> (Distance, Vec<Link>) {
+    let Seen {
+        forward,
+        backward,
+        most: seen,
+    } = Seen::of(first, second);
+    // From what is seen at the vertices of the second.
+    let squares = squares((second.positions, second.triangles), &backward);
     let (mut bound, mut links, mut parts) = (seen, Vec::new(), Vec::new());
     let ways = [
-        (to_second, forward, first.1, false),
-        (to_first, backward, second.1, true),
+        (second, forward, first.triangles, false),
+        (first, backward, second.triangles, true),
     ];
     for (to, vertices, triangles, is_back) in ways {
         for (own, t) in (0u32..).zip(triangles) {

@@ -280,7 +280,7 @@ mod tests {
         let (own, positions) = (plain.positions(), bowl.positions());
         let to = Target::new(&own, &plain.triangles).unwrap();
         let from = Target::new(&positions, &bowl.triangles).unwrap();
-        let before = bound::distance(&to, &from, f64::INFINITY);
+        let (before, _) = bound::linked(&to, &from);
         let simplified = simplified_within(&bowl, is_rim, 300, UNIT, Room::Plain).unwrap();
         let Simplified {
             shape: fitted,

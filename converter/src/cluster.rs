@@ -28,11 +28,12 @@ pub use trim::Budget;
 
 use crate::mesh::ManifoldMesh;
 use glam::DVec3;
-use graph::Graph;
+use graph::{Graph, Known};
 use leaf::upwards;
 use marquetry_evaluation::distance::Indexed;
-use marquetry_format::Lattice;
 use marquetry_format::writer::ClusterInput;
+use marquetry_format::{ClusterMesh, Lattice};
+use std::collections::HashMap;
 
 /// What a node has room for beside its triangles and vertices.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -179,28 +180,30 @@ impl Layer {
             .map(|bound| upwards(bound / self.step))
             .collect();
         let mut rest = bounds.as_slice();
-        let mut own: Vec<&[f32]> = vec![&[]; self.nodes.len()];
-        for (node, own) in self.nodes.iter_mut().zip(&mut own) {
+        let mut all: Vec<&[f32]> = vec![&[]; self.nodes.len()];
+        for (node, own) in self.nodes.iter_mut().zip(&mut all) {
             if node.children.is_empty() {
                 (*own, rest) = rest.split_at(node.mesh.triangles.len());
                 node.error = own.iter().copied().fold(0.0, f32::max);
             }
         }
         let shown = self.shown();
-        let mut known: Vec<Option<Vec<f32>>> = vec![None; self.graph.len()];
-        for ((&id, node), own) in shown.iter().zip(&self.nodes).zip(own) {
-            // What was painted may have leaves below that the graph does not know of, which follow all that it does, and its triangles may be in another order.
-            let children = node.children.iter().map(|&child| child as usize);
-            if children.clone().any(|child| child < shown.len()) {
+        let mut known: Vec<Option<Known>> = vec![None; self.graph.len()];
+        for (&id, (number, node)) in shown.iter().zip(self.nodes.iter().enumerate()) {
+            let mut leaves: Vec<usize> = node.children.iter().map(|&k| k as usize).collect();
+            if leaves.is_empty() {
+                leaves.push(number);
+            } else if leaves.iter().any(|&child| child < shown.len()) {
                 continue;
             }
-            known[id as usize] = Some(if node.texel.is_none() && node.children.is_empty() {
-                own.to_vec()
-            } else {
-                let largest =
-                    children.fold(node.error, |most, child| most.max(self.nodes[child].error));
-                vec![largest; self.graph.node(id).mesh.triangles.len()]
-            });
+            // What was painted may have leaves below that the graph does not know of, which follow all that it does. All that have them have one error.
+            let errors = leaves.iter().map(|&leaf| self.nodes[leaf].error);
+            let error = errors.fold(0.0, f32::max);
+            let leaves = leaves
+                .iter()
+                .map(|&leaf| (&self.nodes[leaf].mesh, all[leaf]));
+            let local = by_corners(&self.graph.node(id).mesh, leaves);
+            known[id as usize] = Some(Known { error, local });
         }
         self.graph.tighten(&shown, known);
         for (&id, node) in shown.iter().zip(&mut self.nodes) {
@@ -244,6 +247,28 @@ impl Layer {
     fn leaves(&self) -> impl Iterator<Item = &ClusterInput> {
         self.nodes.iter().filter(|node| node.children.is_empty())
     }
+}
+
+/// What is known of the triangles of `mesh`, which are those of other meshes, in another order, of each of which something is known: the largest of those with the same corners.
+fn by_corners<'a>(
+    mesh: &ClusterMesh,
+    others: impl Iterator<Item = (&'a ClusterMesh, &'a [f32])>,
+) -> Vec<f32> {
+    let corners = |mesh: &ClusterMesh, t: &[u8; 3]| {
+        let mut corners = t.map(|corner| mesh.positions[usize::from(corner)]);
+        corners.sort_unstable();
+        corners
+    };
+    let (mut known, mut largest) = (HashMap::new(), 0.0_f32);
+    for (other, bounds) in others {
+        for (t, &bound) in other.triangles.iter().zip(bounds) {
+            let own = known.entry(corners(other, t)).or_insert(bound);
+            *own = own.max(bound);
+            largest = largest.max(bound);
+        }
+    }
+    let of = |t: &[u8; 3]| known.get(&corners(mesh, t)).copied().unwrap_or(largest);
+    mesh.triangles.iter().map(of).collect()
 }
 
 /// Builds the tree of `components`, lists of triangles of `mesh`, of which there is at least one. `needs` has what each

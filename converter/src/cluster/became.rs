@@ -46,7 +46,7 @@ impl Became {
     }
 
     /// Forgets what has become of vertices of `fine`, which then go to the nearest point of `to`, where on their way something would be farther than `most` from both
-    /// surfaces, or something of `from` that far from what is shown: they have been told a place on another sheet, or beyond a bend. Sampled at a few points of each triangle.
+    /// surfaces, or something of `from` that far from what is shown, on the way or at its end: they have been told a place on another sheet, or beyond a bend. Sampled at a few points of each triangle.
     pub(super) fn keep_within(
         &mut self,
         fine: &Shape,
@@ -183,25 +183,35 @@ impl<'a> Ways<'a> {
             })
     }
 
-    /// Triangles that nothing covers at the end of the way.
+    /// Triangles that nothing covers at some part of the way.
     fn bare(&self) -> Vec<usize> {
-        let drawn: Vec<[u32; 3]> = (0..self.triangles.len())
-            .filter(|&t| !self.is_flat_at_end(t))
-            .map(|t| self.triangles[t].map(id))
-            .collect();
-        let Some(shown) = Target::new(&self.end, &drawn) else {
-            return Vec::new();
-        };
-        let mut hint = 0;
-        (0..self.triangles.len())
-            .filter(|&t| {
-                let [a, b, c] = self.triangles[t].map(|v| self.start[v]);
+        let mut bare = vec![false; self.triangles.len()];
+        for part in PARTS {
+            let is_end = part.total_cmp(&1.0).is_eq();
+            let shown: Vec<DVec3> = (0..self.places.len()).map(|v| self.at(v, part)).collect();
+            let drawn: Vec<[u32; 3]> = (0..self.triangles.len())
+                .filter(|&t| !is_end || !self.is_flat_at_end(t))
+                .map(|t| self.triangles[t].map(id))
+                .collect();
+            let Some(target) = Target::new(&shown, &drawn) else {
+                continue;
+            };
+            let mut hint = 0;
+            for (t, is_bare) in bare.iter_mut().enumerate() {
+                let corners = self.triangles[t];
+                // A triangle is no farther from where it was than its corners are, while it is drawn.
+                let is_safe = |&v: &usize| shown[v].distance(self.start[v]) <= self.most;
+                if *is_bare || !is_end && corners.iter().all(is_safe) {
+                    continue;
+                }
+                let [a, b, c] = corners.map(|v| self.start[v]);
                 let [ab, bc, ca] = [a.midpoint(b), b.midpoint(c), c.midpoint(a)];
                 let quarters = [[a, ab, ca], [ab, b, bc], [ca, bc, c], [ab, bc, ca]];
                 let mut points = quarters.map(middle).into_iter().chain([ab, bc, ca]);
-                !points.all(|point| shown.is_within(point, self.most, &mut hint))
-            })
-            .collect()
+                *is_bare = !points.all(|point| target.is_within(point, self.most, &mut hint));
+            }
+        }
+        (0..self.triangles.len()).filter(|&t| bare[t]).collect()
     }
 }
 
@@ -284,6 +294,24 @@ mod tests {
         let mut became = Became::others(wrong.clone());
         became.keep_within(&fine, &from, &to, f64::from(APART));
         assert_eq!(became.of(strayed), Some(up));
+    }
+
+    #[test]
+    fn what_would_leave_a_hole_on_its_way_is_forgotten() {
+        let (fine, coarse) = (sheets(1), sheets(2));
+        let [own, whole] = [&coarse, &fine].map(Shape::positions);
+        let to = Target::new(&own, &coarse.triangles).unwrap();
+        let from = Target::new(&whole, &fine.triangles).unwrap();
+        // Mirrored: all is covered at the end, and half-way all is a line.
+        let told = |[x, y, z]: LatticePoint| [SIDE * CELL - x, y, z];
+        let all = fine.vertices.iter().map(|v| (v.0, told(v.0)));
+        let mut became = Became::others(all.collect());
+        became.keep_within(&fine, &from, &to, 1.0);
+        let is_kept = |v: &(LatticePoint, [u8; 2], [u8; 3])| became.of(v.0).is_some();
+        let kept: Vec<u32> = (fine.vertices.iter().filter(|v| is_kept(v)))
+            .map(|v| v.0[0])
+            .collect();
+        assert!(kept.iter().all(|&x| x == SIDE * CELL / 2), "{kept:?}");
     }
 
     #[test]

@@ -25,8 +25,13 @@ pub(super) struct Leaf {
 
 /// The first distance tried for a triangle, over the largest one seen of it: less may hold, and takes long to show.
 const START: f64 = 2.0;
-/// The first distance tried, over the largest one found anywhere, at least: less takes longer, and views are hardly coarser.
-const LEAST: f64 = 1.0;
+/// One triangle in so many is asked how far it is at once.
+const SAMPLED: usize = 16;
+/// One in so many may be farther than the first distance tried, where that is below the largest one found anywhere. Where more are, less than that takes longer, and views are
+/// hardly coarser.
+const FARTHER: usize = 10;
+/// The first distance tried, over the largest one found anywhere, at least: up to that it takes 31 steps.
+const LEAST: f64 = 1.0 / 1024.0;
 /// How much longer each next one is.
 const GROWTH: f64 = 1.25;
 /// Pieces of a triangle that are looked at for one distance, at most.
@@ -43,7 +48,7 @@ const HALVINGS: u32 = 8;
 /// What rounding may hide.
 const HAIR: f64 = 1.0 + 1e-9;
 
-/// By triangle of `surface`, an upper bound of its distance from `source`, and of that of the triangles of `source` that lie nearest to it from `surface`. `found` is the largest distance seen.
+/// By triangle of `surface`, an upper bound of its distance from `source`, such that every point of `source` is as near to one of them as its bound says. `found` is the largest distance seen.
 ///
 /// The same for any number of threads.
 pub(super) fn bounds(
@@ -56,7 +61,8 @@ pub(super) fn bounds(
         let known = leaves.iter().map(|leaf| vec![leaf.bound; leaf.triangles]);
         return known.collect::<Vec<_>>().concat();
     }
-    let start = LEAST * found;
+    let at_once = at_once(surface.mesh, source).max(at_once(source.mesh, surface));
+    let start = at_once.clamp(LEAST * found, found);
     let mut end = 0;
     let ranges: Vec<Range<usize>> = leaves
         .iter()
@@ -85,8 +91,12 @@ pub(super) fn bounds(
     let most = leaves.iter().map(|leaf| leaf.bound).fold(0.0, f64::max);
     let least = (bounds.iter().copied().fold(most, f64::min)).max(start.min(most));
     for (t, bound) in above(source.mesh, surface, least, most) {
-        // Whatever it may be near to.
         let corners = source.mesh.corners(t);
+        // One that all of it is near to, or whatever it may be near to.
+        if let Some((near, _)) = nearest(surface, &corners).filter(|&(_, from)| from <= bound) {
+            bounds[near] = bounds[near].max(bound);
+            continue;
+        }
         let reach = bound + radius(&corners);
         for near in surface.tree.within(middle(&corners), reach * reach) {
             if let Some(own) = bounds.get_mut(near.triangle as usize) {
@@ -98,6 +108,30 @@ pub(super) fn bounds(
         *bound = bound.max(least) * HAIR;
     }
     bounds
+}
+
+/// The triangle of `to` that is nearest to the middle of another one, and how far from it that one's corners are at most.
+fn nearest(to: &Indexed<'_>, corners: &[DVec3; 3]) -> Option<(usize, f64)> {
+    let nearest = to.tree.closest(middle(corners), f64::INFINITY)?;
+    let nearest = nearest.triangle as usize;
+    let other = to.mesh.corners(nearest);
+    let from = |&p: &DVec3| closest_point(other, p).distance(p);
+    Some((nearest, corners.iter().map(from).fold(0.0, f64::max)))
+}
+
+/// The distance within which most triangles of `mesh` are of the one that is nearest to their middle.
+fn at_once(mesh: Mesh<'_>, to: &Indexed<'_>) -> f64 {
+    let sampled = (0..mesh.triangles.len())
+        .into_par_iter()
+        .step_by(SAMPLED)
+        .map(|t| {
+            let nearest = nearest(to, &mesh.corners(t));
+            nearest.map_or(f64::INFINITY, |(_, from)| from)
+        });
+    let mut sampled: Vec<f64> = sampled.collect();
+    sampled.sort_unstable_by(f64::total_cmp);
+    let rest = sampled.len() / FARTHER;
+    sampled.iter().rev().nth(rest).copied().unwrap_or(0.0)
 }
 
 /// Triangles of `mesh` that are not known to be within `least` of a surface, and a bound of their distance, at most `most`, which is known to hold.
@@ -160,7 +194,7 @@ impl<'a> Near<'a> {
         if self.is_near_last(&triangle, distance2) {
             return true;
         }
-        if self.is_near_in_halves(triangle, distance, HALVINGS) {
+        if radius(&triangle) < distance && self.is_near_middle(&triangle, distance) {
             return true;
         }
         // Small triangles are mostly near the one that their middle is near to.
@@ -169,6 +203,9 @@ impl<'a> Near<'a> {
         };
         self.last = nearest.triangle;
         if self.is_near_last(&triangle, distance2) {
+            return true;
+        }
+        if self.is_near_in_halves(triangle, distance, HALVINGS) {
             return true;
         }
         for corner in triangle {
@@ -324,118 +361,4 @@ fn halves(piece: &[DVec3]) -> impl Iterator<Item = Vec<DVec3>> {
 }
 
 #[cfg(test)]
-pub(super) mod tests {
-    use super::*;
-    use marquetry_evaluation::distance::measure;
-
-    /// A sheet of `cells`² cells over the unit square, as high as `height` says.
-    pub(in crate::cluster) fn sheet(
-        cells: u32,
-        height: impl Fn(f64, f64) -> f64,
-    ) -> (Vec<DVec3>, Vec<[u32; 3]>) {
-        let side = cells + 1;
-        let at = |k: u32| f64::from(k) / f64::from(cells);
-        let place = |k: u32| (at(k % side), at(k / side));
-        let positions = (0..side * side).map(place);
-        let positions = positions.map(|(x, y)| DVec3::new(x, y, height(x, y)));
-        let corners = |k: u32| {
-            let a = k / cells * side + k % cells;
-            [[a, a + 1, a + side + 1], [a, a + side + 1, a + side]]
-        };
-        (
-            positions.collect(),
-            (0..cells * cells).flat_map(corners).collect(),
-        )
-    }
-
-    pub(in crate::cluster) fn bumps(x: f64, y: f64) -> f64 {
-        0.02 * (9.0 * x).sin() * (7.0 * y).cos()
-    }
-
-    /// 231 places on a triangle, in rows of 1, 2, 3...
-    pub(in crate::cluster) fn places([a, b, c]: [DVec3; 3]) -> impl Iterator<Item = DVec3> {
-        let rows = (0..21_u32).flat_map(|row| (0..=row).map(move |k| [row, k]));
-        rows.map(move |place| {
-            let [v, w] = place.map(|n| f64::from(n) / 20.0);
-            a + v * (b - a) + w * (c - b)
-        })
-    }
-
-    /// A coarse sheet and a fine one with a spike, in leaves of 50 triangles, and the largest distance found.
-    fn with_both<T>(run: impl FnOnce(&Indexed<'_>, &Indexed<'_>, Vec<Leaf>, f64) -> T) -> T {
-        let spike = |x: f64, y: f64| {
-            let from = (x - 0.31).hypot(y - 0.72);
-            bumps(x, y) + (0.01 - from).max(0.0)
-        };
-        let [(a, b), (c, d)] = [sheet(20, bumps), sheet(300, spike)];
-        let of = |positions, triangles| Mesh {
-            positions,
-            triangles,
-        };
-        let (surface, source) = (of(&a, &b), of(&c, &d));
-        let found = measure(surface, source, 100_000).unwrap().hausdorff();
-        let [surface, source] = [surface, source].map(|mesh| Indexed::new(mesh).unwrap());
-        let leaf = Leaf {
-            triangles: 50,
-            bound: 1.0,
-        };
-        run(&surface, &source, vec![leaf; 16], found)
-    }
-
-    #[test]
-    fn bounds_hold_everywhere_and_are_near_the_truth() {
-        with_both(|surface, source, leaves, found| {
-            // Less than what is there, so that longer distances have to be tried.
-            for found in [found, 0.2 * found] {
-                let bounds = bounds(surface, source, &leaves, found);
-                let most = bounds.iter().copied().fold(0.0, f64::max);
-                let distances = surface.measure(source, 2_000_000);
-                assert!(distances.hausdorff() <= most);
-                assert!(most <= 2.1 * distances.hausdorff());
-                // Triangle by triangle, from many places.
-                assert_eq!(bounds.len(), surface.mesh.triangles.len());
-                for (t, bound) in bounds.iter().enumerate() {
-                    for point in places(surface.mesh.corners(t)) {
-                        let closest = source.tree.closest(point, f64::INFINITY).unwrap();
-                        assert!(closest.distance2.sqrt() <= *bound);
-                    }
-                }
-                assert!(bounds.iter().any(|bound| *bound < 0.9 * most) || found > most / 2.2);
-                if found > 0.5 * distances.hausdorff() {
-                    // One spike is no reason to call all triangles as bad.
-                    let good = bounds.iter().filter(|bound| **bound <= 1.01 * found);
-                    assert!(good.count() >= bounds.len() / 2);
-                }
-            }
-        });
-    }
-
-    #[test]
-    fn what_is_known_is_never_made_worse_and_nothing_found_changes_nothing() {
-        with_both(|surface, source, mut leaves, found| {
-            for leaf in &mut leaves {
-                leaf.bound = found;
-            }
-            let known = bounds(surface, source, &leaves, found);
-            assert!(known.iter().all(|bound| *bound <= found * HAIR));
-            let none = bounds(surface, source, &leaves, 0.0);
-            assert!(none.iter().all(|bound| bound.to_bits() == found.to_bits()));
-        });
-    }
-
-    #[test]
-    fn threads_do_not_change_them() {
-        let run = |threads| {
-            let pool = rayon::ThreadPoolBuilder::new()
-                .num_threads(threads)
-                .build()
-                .unwrap();
-            pool.install(|| {
-                with_both(|surface, source, leaves, found| {
-                    bounds(surface, source, &leaves, 0.2 * found)
-                })
-            })
-        };
-        assert_eq!(run(1), run(3));
-    }
-}
+pub(super) mod tests;

@@ -29,6 +29,15 @@ pub(super) struct Group {
     links: Option<Vec<Link>>,
 }
 
+/// What is known of a node, lattice units.
+#[derive(Debug, Clone)]
+pub(super) struct Known {
+    /// At least the largest of the bounds.
+    pub(super) error: f32,
+    /// A bound of each of its triangles.
+    pub(super) local: Vec<f32>,
+}
+
 /// How far a mesh is from those that it stands for.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Distance {
@@ -139,8 +148,8 @@ impl Graph {
         }
     }
 
-    /// Replaces the errors of all nodes that are `shown` by those that follow from what is `known` of triangles of some, by node, in lattice units; something is of all leaves among them.
-    pub(super) fn tighten(&mut self, shown: &[u32], known: Vec<Option<Vec<f32>>>) {
+    /// Replaces the errors of all nodes that are `shown` by those that follow from what is `known` of some, by node; something is of all leaves among them.
+    pub(super) fn tighten(&mut self, shown: &[u32], known: Vec<Option<Known>>) {
         let groups = std::mem::take(&mut self.groups);
         let mut group_of: HashMap<u32, &Group> = HashMap::new();
         for group in &groups {
@@ -155,7 +164,7 @@ impl Graph {
         }
         for (id, known) in (0u32..).zip(known) {
             let number = id as usize;
-            let local = match (known, group_of.get(&id)) {
+            let Known { error, local } = match (known, group_of.get(&id)) {
                 _ if !is_shown[number] => continue,
                 (Some(known), _) => known,
                 (None, Some(group)) => {
@@ -166,10 +175,14 @@ impl Graph {
                 }
                 (None, None) => {
                     let below = f64::from(self.largest(self.children(number)));
-                    vec![upwards(below + steps[number]); self.local[number].len()]
+                    let error = upwards(below + steps[number]);
+                    Known {
+                        error,
+                        local: vec![error; self.local[number].len()],
+                    }
                 }
             };
-            self.nodes[number].error = local.iter().copied().fold(0.0, f32::max);
+            self.nodes[number].error = error;
             self.local[number] = local;
         }
         self.groups = groups;

@@ -6,6 +6,8 @@ use crate::mesh::{ImportedMesh, prepare};
 use marquetry_evaluation::distance::{Mesh, measure};
 use std::collections::BTreeMap;
 
+mod tight;
+
 /// `count` cubes of different sizes, strewn by a fixed rule; every third lies on its neighbour's corner.
 fn cubes(count: u32) -> ImportedMesh {
     let mut mesh = ImportedMesh::default();
@@ -444,40 +446,4 @@ fn what_is_finer_than_asked_for_is_left_out() {
     // From anew, not from what was left.
     layer.trim(0.0, 0.0);
     assert_eq!(layer.summary, before);
-}
-
-#[test]
-fn tight_bounds_hold_and_nodes_stay_in_order() {
-    const CELLS: u32 = 90;
-    let (mesh, lattice, mut layer) = large(CELLS, false);
-    // As if much had been done before.
-    layer.add_error(3.0);
-    layer.trim(0.2, 7.0);
-    let (mut positions, mut triangles) = (Vec::new(), Vec::new());
-    append_finest(&layer.nodes, &lattice, &mut positions, &mut triangles);
-    let own = Mesh {
-        positions: &positions,
-        triangles: &triangles,
-    };
-    let source = Mesh {
-        positions: &mesh.positions,
-        triangles: &mesh.triangles,
-    };
-    let found = measure(own, source, 200_000).unwrap().hausdorff();
-    let before = layer.nodes.clone();
-    assert!(layer.max_error > 3.0 * found);
-    let [own, source] = [own, source].map(|mesh| Indexed::new(mesh).unwrap());
-    layer.tighten(&own, &source, found);
-    assert!(layer.max_error >= found && layer.max_error <= 2.6 * found);
-    let mut errors: BTreeMap<&[u32], u32> = BTreeMap::new();
-    for (node, was) in layer.nodes.iter().zip(&before) {
-        assert!(node.error <= was.error && node.mesh == was.mesh && node.children == was.children);
-        let children = node.children.iter();
-        let below = children.map(|&child| layer.nodes[child as usize].error);
-        assert!(below.fold(0.0, f32::max) <= node.error);
-        if !node.children.is_empty() {
-            let bits = node.error.to_bits();
-            assert_eq!(*errors.entry(&node.children).or_insert(bits), bits);
-        }
-    }
 }

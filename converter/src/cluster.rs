@@ -165,7 +165,7 @@ impl Layer {
     }
 
     /// Replaces the bounds of all leaves, sums of what each step did, by what can be guaranteed of `surface`, which is all of them as [`append_finest`] has it,
-    /// and `source`, of which the largest distance found is `found`, a length. What is above the leaves gains as much.
+    /// and `source`, of whose distances few are above `found`, a length. What is above the leaves gains as much.
     pub fn tighten(&mut self, surface: &Indexed<'_>, source: &Indexed<'_>, found: f64) {
         let leaves: Vec<direct::Leaf> = self
             .leaves()

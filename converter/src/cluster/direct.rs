@@ -27,10 +27,10 @@ pub(super) struct Leaf {
 const START: f64 = 2.0;
 /// One triangle in so many is asked how far it is at once.
 const SAMPLED: usize = 16;
-/// One in so many may be farther than the first distance tried, where that is below the largest one found anywhere. Where more are, less than that takes longer, and views are
+/// One in so many may be farther than the first distance tried, where that is below the one that is rarely exceeded. Where more are, less than that takes longer, and views are
 /// hardly coarser.
 const FARTHER: usize = 10;
-/// The first distance tried, over the largest one found anywhere, at least: up to that it takes 31 steps.
+/// The first distance tried, over the one that is rarely exceeded, at least: up to that it takes 31 steps.
 const LEAST: f64 = 1.0 / 1024.0;
 /// How much longer each next one is.
 const GROWTH: f64 = 1.25;
@@ -43,12 +43,12 @@ const CHUNK: usize = 4096;
 /// Radius of pieces that are halved before they are cut, over the distance tried; what is larger may be as large as triangles of the surface are.
 const SMALL: f64 = 4.0;
 /// The same of triangles that are halved before anything is cut, and how often: their middles are quickly asked about.
-const HALVED: f64 = 8.0;
+const HALVED: f64 = 3.0;
 const HALVINGS: u32 = 8;
 /// What rounding may hide.
 const HAIR: f64 = 1.0 + 1e-9;
 
-/// By triangle of `surface`, an upper bound of its distance from `source`, such that every point of `source` is as near to one of them as its bound says. `found` is the largest distance seen.
+/// By triangle of `surface`, an upper bound of its distance from `source`, such that every point of `source` is as near to one of them as its bound says. `found` is a distance that is rarely exceeded.
 ///
 /// The same for any number of threads.
 pub(super) fn bounds(

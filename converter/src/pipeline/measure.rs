@@ -15,7 +15,7 @@ const TRIM_STEP: f64 = 0.9;
 /// A guaranteed distance is tight enough at this multiple of what was found.
 const TIGHT: f64 = 2.0;
 
-/// So many times the root mean square is rarely exceeded, by torn scans' worst places alone: all else is known to be nearer, which takes no long.
+/// So many times the root mean square is rarely exceeded, by the worst places of torn scans alone. That all else is nearer does not take long to find out.
 const RARE: f64 = 16.0;
 
 /// Samples of the measurement of the written file, each way, beside all vertices.

@@ -13,6 +13,7 @@ mod model;
 pub mod morph;
 mod predict;
 mod texture;
+mod twins;
 mod walk;
 
 pub use texture::{ClusterTexture, MAX_TEXTURE_TEXELS, TEXTURE_STEP};

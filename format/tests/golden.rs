@@ -19,7 +19,7 @@ use marquetry_format::*;
 use std::path::PathBuf;
 use support::*;
 
-const NAMES: [&str; 10] = [
+const NAMES: [&str; 11] = [
     "clusters_in_groups",
     "clusters_without_charts",
     "coloured_strip_with_clusters",
@@ -29,6 +29,7 @@ const NAMES: [&str; 10] = [
     "ranged_clusters",
     "ranked_clusters",
     "torus_with_children",
+    "twinned_clusters",
     "walked_clusters",
 ];
 
@@ -56,6 +57,11 @@ fn model(name: &str) -> Vec<u8> {
         "ranked_clusters" => {
             return plain
                 .write_with(&ranked(grouped_clusters(10, true)))
+                .unwrap();
+        }
+        "twinned_clusters" => {
+            return plain
+                .write_with(&cut_apart(ranked(grouped_clusters(10, true))))
                 .unwrap();
         }
         "walked_clusters" | "ranged_clusters" | "coloured_strip_with_clusters" => {

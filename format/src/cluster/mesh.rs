@@ -8,6 +8,7 @@ mod packed;
 
 #[cfg(not(target_arch = "wasm32"))]
 use super::MAX_CLUSTER_TRIANGLES;
+use super::twins::Twins;
 use super::{ClusterMesh, ClusterTexture, model, predict, walk};
 use crate::Error;
 use crate::bytes::Cursor;
@@ -19,12 +20,17 @@ use crate::codec::range::Decoder;
 use crate::codec::range::Encoder;
 use crate::codec::sample::Position;
 use crate::lattice::{LATTICE_BITS, LatticePoint};
+#[cfg(not(target_arch = "wasm32"))]
+use std::collections::HashMap;
+#[cfg(not(target_arch = "wasm32"))]
+use std::collections::hash_map::Entry;
 
 const WHAT: &str = "cluster";
-/// First byte: what no method of the triangles is in [`packed`] ones, and whether there are a texture and ranks.
+/// First byte: what no method of the triangles is in [`packed`] ones, and whether there are a texture, ranks, and vertices at the places of others.
 const RANGED: u8 = 0b0011;
 const TEXTURED: u8 = 0b0100;
 const RANKED: u8 = 0b1000;
+const TWINNED: u8 = 0b1_0000;
 
 /// How many vertices and triangles a mesh has; bounded by their types in the directory.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -44,7 +50,7 @@ pub(crate) fn decode(coding: Coding, counts: Counts, bytes: &[u8]) -> Result<Clu
     if flags & RANGED != RANGED {
         return packed::decode(coding, counts, bytes);
     }
-    if flags & !(RANGED | TEXTURED | RANKED) != 0 {
+    if flags & !(RANGED | TEXTURED | RANKED | TWINNED) != 0 {
         return Err(Error::Reserved {
             what: WHAT,
             value: u64::from(flags),
@@ -59,16 +65,23 @@ pub(crate) fn decode(coding: Coding, counts: Counts, bytes: &[u8]) -> Result<Clu
     let mut coder = Decoder::new(coded);
     let (operations, given) = model::operations(&mut coder, triangles, (&[], &[]));
     let walk = walk::read(&operations, &given, vertices)?;
-    let positions = model::positions(&mut coder, &walk.predictions, limit(coding), &[])?;
+    let mut twins = Twins::new(flags & TWINNED != 0);
+    let positions = model::positions(
+        &mut coder,
+        &walk.predictions,
+        limit(coding),
+        &mut twins,
+        &[],
+    )?;
     let ranks = if flags & RANKED == 0 {
         Vec::new()
     } else {
-        model::ranks(&mut coder, vertices, &[])
+        model::ranks(&mut coder, vertices, &twins, &[])
     };
     let predicted = predict::normals(&positions, &walk.triangles);
-    let normals = model::normals(&mut coder, &predicted, &[]);
+    let normals = model::normals(&mut coder, &predicted, &twins, &[]);
     let colours = if coding.has_colours {
-        model::colours(&mut coder, &walk.predictions, &[])
+        model::colours(&mut coder, &walk.predictions, &twins, &[])
     } else {
         Vec::new()
     };
@@ -142,6 +155,26 @@ pub(crate) fn in_order(mesh: &ClusterMesh) -> Option<ClusterMesh> {
     })
 }
 
+/// Whether vertices are at the places of others, all of which become the same.
+#[cfg(not(target_arch = "wasm32"))]
+fn has_twins(mesh: &ClusterMesh) -> bool {
+    let mut ranks: HashMap<LatticePoint, Option<u8>> = HashMap::new();
+    let (mut some, mut are_alike) = (false, true);
+    for (vertex, &place) in mesh.positions.iter().enumerate() {
+        let rank = mesh.ranks.get(vertex).copied();
+        match ranks.entry(place) {
+            Entry::Vacant(slot) => {
+                slot.insert(rank);
+            }
+            Entry::Occupied(known) => {
+                some = true;
+                are_alike &= *known.get() == rank;
+            }
+        }
+    }
+    some && are_alike
+}
+
 /// Codes a mesh that is [`in_order`] and keeps the rules of the format.
 #[cfg(not(target_arch = "wasm32"))]
 #[allow(
@@ -164,16 +197,18 @@ pub(crate) fn encode(coding: Coding, mesh: &ClusterMesh) -> Result<(Vec<u8>, Par
         .collect();
     let mut coder = Encoder::new();
     model::operations(&mut coder, operations.len(), (&operations, &given));
-    model::positions(&mut coder, &walk.predictions, i32::MAX, &units)?;
+    let has_twins = has_twins(mesh);
+    let mut twins = Twins::new(has_twins);
+    model::positions(&mut coder, &walk.predictions, i32::MAX, &mut twins, &units)?;
     if !mesh.ranks.is_empty() {
-        model::ranks(&mut coder, mesh.positions.len(), &mesh.ranks);
+        model::ranks(&mut coder, mesh.positions.len(), &twins, &mesh.ranks);
     }
     let geometry = coder.len();
     let predicted = predict::normals(&units, &mesh.triangles);
-    model::normals(&mut coder, &predicted, &mesh.normals);
+    model::normals(&mut coder, &predicted, &twins, &mesh.normals);
     let normals = coder.len() - geometry;
     if coding.has_colours {
-        model::colours(&mut coder, &walk.predictions, &mesh.colours);
+        model::colours(&mut coder, &walk.predictions, &twins, &mesh.colours);
     }
     if let Some(texture) = &mesh.texture {
         model::places(&mut coder, &walk.predictions, &texture.places);
@@ -181,7 +216,10 @@ pub(crate) fn encode(coding: Coding, mesh: &ClusterMesh) -> Result<(Vec<u8>, Par
     let coded = coder.finish();
     let when = |holds: bool, flag: u8| if holds { flag } else { 0 };
     let mut out = vec![
-        RANGED | when(mesh.texture.is_some(), TEXTURED) | when(!mesh.ranks.is_empty(), RANKED),
+        RANGED
+            | when(mesh.texture.is_some(), TEXTURED)
+            | when(!mesh.ranks.is_empty(), RANKED)
+            | when(has_twins, TWINNED),
     ];
     if mesh.texture.is_some() {
         let length = u32::try_from(coded.len()).unwrap_or(u32::MAX);
@@ -220,7 +258,9 @@ mod tests {
         (
             prop_oneof![Just(0), Just(256)]
                 .prop_flat_map(move |count| prop::collection::vec(rank.clone(), count)),
-            prop::collection::vec([0..1u32 << 11, 0..1u32 << 11, 0..1u32 << 11], 256),
+            // Some of few places, where others are as well.
+            prop_oneof![Just(1u32 << 11), Just(5)]
+                .prop_flat_map(|side| prop::collection::vec([0..side, 0..side, 0..side], 256)),
             prop::collection::vec(any::<([u8; 2], [u8; 3])>(), 256),
             prop::collection::vec(triangle, 1..=256),
         )
@@ -273,6 +313,67 @@ mod tests {
         let counts = Counts {
             vertices: 256,
             triangles: 87,
+        };
+        assert_eq!(decode(coding, counts, &bytes).unwrap(), mesh);
+    }
+
+    #[test]
+    fn what_is_cut_apart_takes_few_bytes_more() {
+        // A strip of squares, whole and cut along its middle.
+        let strip = |is_cut: bool| {
+            let mut mesh = ClusterMesh::default();
+            for k in 0..40u32 {
+                for (row, is_twin) in [(0, false), (1, false), (1, true), (2, false)] {
+                    if is_twin && !is_cut {
+                        continue;
+                    }
+                    let bend = 9 * k * k % 31;
+                    mesh.positions
+                        .push([100 * k + bend, 100 * row + bend, 7 * bend]);
+                    let [u, v] = [40 + 3 * k, 90 + 5 * row].map(|c| u8::try_from(c).unwrap());
+                    mesh.normals.push([u, v]);
+                    mesh.ranks.push(v / 30);
+                }
+            }
+            let wide = if is_cut { 4 } else { 3 };
+            for k in 0..39u8 {
+                let a = k * wide;
+                for low in [a, a + wide - 2] {
+                    let high = low + wide;
+                    mesh.triangles.push([low, high, high + 1]);
+                    mesh.triangles.push([low, high + 1, low + 1]);
+                }
+            }
+            in_order(&mesh).unwrap()
+        };
+        let coding = Coding {
+            shift: 0,
+            has_colours: false,
+        };
+        let [whole, cut] = [false, true].map(|is_cut| {
+            let mesh = strip(is_cut);
+            let (bytes, _) = encode(coding, &mesh).unwrap();
+            assert_eq!(bytes[0] & TWINNED != 0, is_cut);
+            let counts = Counts {
+                vertices: mesh.positions.len(),
+                triangles: mesh.triangles.len(),
+            };
+            assert_eq!(decode(coding, counts, &bytes).unwrap(), mesh);
+            (bytes.len(), mesh.positions.len())
+        });
+        assert_eq!((whole.1, cut.1), (120, 160));
+        // A byte for each of 40 vertices, which are more than three in ten of the others.
+        assert!(cut.0 < whole.0 + 40, "{} {}", cut.0, whole.0);
+        // Where twins become different things, which no writer of ours makes, they are told one by one.
+        let mut mesh = strip(true);
+        let is_twin = |&v: &usize| mesh.positions[..v].contains(&mesh.positions[v]);
+        let twin = (0..mesh.positions.len()).find(is_twin).unwrap();
+        mesh.ranks[twin] = 77;
+        let (bytes, _) = encode(coding, &mesh).unwrap();
+        assert_eq!(bytes[0] & TWINNED, 0);
+        let counts = Counts {
+            vertices: mesh.positions.len(),
+            triangles: mesh.triangles.len(),
         };
         assert_eq!(decode(coding, counts, &bytes).unwrap(), mesh);
     }

@@ -13,6 +13,7 @@
 
 use super::morph::UNRANKED;
 use super::predict;
+use super::twins::Twins;
 use super::walk::{self, Prediction};
 use crate::Error;
 use crate::codec::range::{Bit, Coder, Number};
@@ -57,11 +58,12 @@ pub(crate) fn operations(
     (operations, given)
 }
 
-/// Positions, below `limit`.
+/// Positions, below `limit`, and which of them are those of `twins`.
 pub(crate) fn positions(
     coder: &mut impl Coder,
     predictions: &[Prediction],
     limit: i32,
+    twins: &mut Twins,
     told: &[Position],
 ) -> Result<Vec<Position>, Error> {
     let mut near = Number::new(5);
@@ -69,8 +71,13 @@ pub(crate) fn positions(
     let mut above = Number::new(5);
     let mut positions: Vec<Position> = Vec::with_capacity(predictions.len());
     for (vertex, &prediction) in predictions.iter().enumerate() {
-        let Position(from) = predict::position(prediction, &positions);
-        let told = told.get(vertex).map_or(from, |position| position.0);
+        let from = predict::position(prediction, &positions);
+        let told = told.get(vertex).copied();
+        if let Some(twin) = twins.next(coder, prediction, from, &positions, told)? {
+            positions.push(twin);
+            continue;
+        }
+        let (Position(from), Position(told)) = (from, told.unwrap_or(from));
         let way = [0, 1, 2].map(|k| told[k] - from[k]);
         let mut found = [0i32; 3];
         if let Some(normal) = predict::plane(prediction, &positions) {
@@ -121,33 +128,51 @@ fn level(normal: [i64; 3], [i, j, k]: [usize; 3], way: [i32; 3]) -> i32 {
     i32::try_from((-sum).div_euclid(normal[k])).unwrap_or_default()
 }
 
-/// Normals, of which `predicted` is known.
+/// Normals, of which `predicted` is known. Those of `twins` are mostly alike.
 pub(crate) fn normals(
     coder: &mut impl Coder,
     predicted: &[[u8; 2]],
+    twins: &Twins,
     told: &[[u8; 2]],
 ) -> Vec<[u8; 2]> {
     let mut number = Number::new(4);
-    let normal = |(vertex, &predicted): (usize, &[u8; 2])| {
+    let mut is_alike = Bit::default();
+    let mut normals: Vec<[u8; 2]> = Vec::with_capacity(predicted.len());
+    for (vertex, &predicted) in predicted.iter().enumerate() {
         let told = told.get(vertex).copied().unwrap_or(predicted);
+        if let Some(twin) = twins.of(vertex).map(|first| normals[first])
+            && coder.bit(&mut is_alike, told == twin)
+        {
+            normals.push(twin);
+            continue;
+        }
         let [u, v, _] = Normal::new(told).residual(predicted);
         let [u, v] = [u, v].map(|code| byte(&mut number, coder, code));
-        Normal::restore(predicted, [u, v, 0]).map_or(predicted, Normal::code)
-    };
-    predicted.iter().enumerate().map(normal).collect()
+        let restored = Normal::restore(predicted, [u, v, 0]);
+        normals.push(restored.map_or(predicted, Normal::code));
+    }
+    normals
 }
 
-/// Colours.
+/// Colours. Those of `twins` are mostly alike.
 pub(crate) fn colours(
     coder: &mut impl Coder,
     predictions: &[Prediction],
+    twins: &Twins,
     told: &[[u8; 3]],
 ) -> Vec<[u8; 3]> {
+    let mut is_alike = Bit::default();
     let mut numbers: [Number; 3] = std::array::from_fn(|_| Number::new(4));
     let mut colours: Vec<[u8; 3]> = Vec::with_capacity(predictions.len());
     for (vertex, &prediction) in predictions.iter().enumerate() {
         let predicted = predict::colour(prediction, &colours);
         let told = told.get(vertex).map_or(predicted, |&colour| Colour(colour));
+        if let Some(twin) = twins.of(vertex).map(|first| colours[first])
+            && coder.bit(&mut is_alike, told.0 == twin)
+        {
+            colours.push(twin);
+            continue;
+        }
         let residual = told.residual(predicted);
         let residual = [0, 1, 2].map(|k| byte(&mut numbers[k], coder, residual[k]));
         let restored = Colour::restore(predicted, residual);
@@ -176,12 +201,16 @@ pub(crate) fn places(
     places
 }
 
-/// Ranks of what `count` vertices become.
-pub(crate) fn ranks(coder: &mut impl Coder, count: usize, told: &[u8]) -> Vec<u8> {
+/// Ranks of what `count` vertices become, those of `twins` the same.
+pub(crate) fn ranks(coder: &mut impl Coder, count: usize, twins: &Twins, told: &[u8]) -> Vec<u8> {
     let mut numbers = [Number::new(4), Number::new(4)];
-    let mut ranks = Vec::with_capacity(count);
+    let mut ranks: Vec<u8> = Vec::with_capacity(count);
     let mut before = 0;
     for vertex in 0..count {
+        if let Some(first) = twins.of(vertex) {
+            ranks.push(ranks[first]);
+            continue;
+        }
         let told = told.get(vertex).copied().unwrap_or_default();
         let rank = numbers[usize::from(before != 0)].unsigned(coder, u32::from(told));
         before = u8::try_from(rank).unwrap_or(UNRANKED);
@@ -230,15 +259,35 @@ mod tests {
         assert!((level(normal, [i, j, k], way) + from - told[3].0[k]).abs() <= 1);
 
         let mut encoder = Encoder::new();
-        positions(&mut encoder, &predictions, 1 << 20, &told).unwrap();
+        positions(
+            &mut encoder,
+            &predictions,
+            1 << 20,
+            &mut Twins::new(false),
+            &told,
+        )
+        .unwrap();
         let bytes = encoder.finish();
         let mut decoder = Decoder::new(&bytes);
         assert_eq!(
-            positions(&mut decoder, &predictions, 1 << 20, &[]).unwrap(),
+            positions(
+                &mut decoder,
+                &predictions,
+                1 << 20,
+                &mut Twins::new(false),
+                &[]
+            )
+            .unwrap(),
             told
         );
         // The last corner is beyond a smaller lattice.
-        let refused = positions(&mut Decoder::new(&bytes), &predictions, 363, &[]);
+        let refused = positions(
+            &mut Decoder::new(&bytes),
+            &predictions,
+            363,
+            &mut Twins::new(false),
+            &[],
+        );
         assert!(matches!(refused, Err(Error::Value { found: 3, .. })));
     }
 

@@ -328,7 +328,7 @@ fn root() -> Vec<Case> {
                 )
             },
         ),
-        ("cluster_reserved_bits", with_root(|r| r[0] |= 16), |e| {
+        ("cluster_reserved_bits", with_root(|r| r[0] |= 32), |e| {
             matches!(
                 e,
                 Error::Reserved {

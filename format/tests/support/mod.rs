@@ -213,6 +213,25 @@ pub fn ranked(mut nodes: Vec<ClusterInput>) -> Vec<ClusterInput> {
     nodes
 }
 
+/// `nodes` whose triangles have vertices of their own, every third with another normal.
+pub fn cut_apart(mut nodes: Vec<ClusterInput>) -> Vec<ClusterInput> {
+    for ClusterInput { mesh, .. } in &mut nodes {
+        let whole = std::mem::take(mesh);
+        for (vertex, corner) in (0u8..).zip(whole.triangles.as_flattened()) {
+            let old = usize::from(*corner);
+            let [u, v] = whole.normals[old];
+            mesh.positions.push(whole.positions[old]);
+            mesh.normals.push([u, v ^ u8::from(vertex % 3 == 0)]);
+            mesh.colours.extend(whole.colours.get(old));
+            mesh.ranks.extend(whole.ranks.get(old));
+            if vertex % 3 == 2 {
+                mesh.triangles.push([vertex - 2, vertex - 1, vertex]);
+            }
+        }
+    }
+    nodes
+}
+
 /// These of the tetrahedra along a line.
 fn tetrahedra_of(tetrahedra: &[u32], shift: u8, has_colours: bool) -> ClusterMesh {
     let mut mesh = ClusterMesh::default();

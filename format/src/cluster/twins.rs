@@ -19,6 +19,8 @@ pub(crate) struct Twins {
     first: Vec<u8>,
     is_twin: [Bit; 6],
     rank: Option<Number>,
+    /// Vertices that are no twins, and the squares of their distances from where one is predicted.
+    nearest: Vec<(u64, u8)>,
 }
 
 impl Twins {
@@ -64,25 +66,28 @@ impl Twins {
             self.first.push(own);
             return Ok(None);
         }
-        let mut nearest: Vec<(u64, usize)> = before
-            .iter()
-            .enumerate()
-            .filter(|&(other, _)| !is_twin(&self.first, u8::try_from(other).unwrap_or(u8::MAX)))
-            .map(|(other, &position)| (distance2(from, position), other))
-            .collect();
-        nearest.sort_unstable();
-        let number = told.and_then(|told| nearest.iter().position(|&(_, other)| other == told));
-        let number = rank.unsigned(coder, u32::try_from(number.unwrap_or(0)).unwrap_or(0));
-        let found = usize::try_from(number).ok();
-        let found = found.and_then(|number| nearest.get(number));
-        let Some(&(_, first)) = found else {
+        self.nearest.clear();
+        for (other, &position) in (0u8..).zip(before) {
+            if !is_twin(&self.first, other) {
+                self.nearest.push((distance2(from, position), other));
+            }
+        }
+        let told = told.and_then(|told| Some((distance2(from, *before.get(told)?), told)));
+        let is_nearer = |&&(distance2, other): &&(u64, u8)| {
+            told.is_some_and(|told| (distance2, usize::from(other)) < told)
+        };
+        let number = self.nearest.iter().filter(is_nearer).count();
+        let number = rank.unsigned(coder, u32::try_from(number).unwrap_or_default());
+        let at = usize::try_from(number).unwrap_or(usize::MAX);
+        if at >= self.nearest.len() {
             return Err(Error::Value {
                 what: "twin of a cluster's vertex",
                 found: u64::from(number),
             });
-        };
-        self.first.push(u8::try_from(first).unwrap_or(u8::MAX));
-        Ok(before.get(first).copied())
+        }
+        let (_, &mut (_, first), _) = self.nearest.select_nth_unstable(at);
+        self.first.push(first);
+        Ok(before.get(usize::from(first)).copied())
     }
 }
 

@@ -190,13 +190,14 @@ impl Layer {
         let shown = self.shown();
         let mut known: Vec<Option<Known>> = vec![None; self.graph.len()];
         for (&id, (number, node)) in shown.iter().zip(self.nodes.iter().enumerate()) {
+            // What was painted may have leaves below that the graph does not know of, which follow all that it does.
             let mut leaves: Vec<usize> = node.children.iter().map(|&k| k as usize).collect();
             if leaves.is_empty() {
                 leaves.push(number);
             } else if leaves.iter().any(|&child| child < shown.len()) {
                 continue;
             }
-            // What was painted may have leaves below that the graph does not know of, which follow all that it does. All that have them have one error.
+            // All that have the same leaves have one error.
             let errors = leaves.iter().map(|&leaf| self.nodes[leaf].error);
             let error = errors.fold(0.0, f32::max);
             let leaves = leaves

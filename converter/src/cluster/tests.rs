@@ -411,6 +411,26 @@ fn levels_of_a_scan_with_few_nodes_are_halved() {
     assert!(ratios[1..].iter().all(|ratio| *ratio > 0.4), "{ratios:?}");
 }
 
+/// The leaves among `nodes`, and the mesh that they stand for.
+fn with_both<T>(
+    nodes: &[ClusterInput],
+    mesh: &ManifoldMesh,
+    lattice: &Lattice,
+    run: impl FnOnce(Mesh<'_>, Mesh<'_>) -> T,
+) -> T {
+    let (mut positions, mut triangles) = (Vec::new(), Vec::new());
+    append_finest(nodes, lattice, &mut positions, &mut triangles);
+    let own = Mesh {
+        positions: &positions,
+        triangles: &triangles,
+    };
+    let source = Mesh {
+        positions: &mesh.positions,
+        triangles: &mesh.triangles,
+    };
+    run(own, source)
+}
+
 #[test]
 fn what_is_finer_than_asked_for_is_left_out() {
     const CELLS: u32 = 120;
@@ -421,17 +441,9 @@ fn what_is_finer_than_asked_for_is_left_out() {
     for rms in [0.1, 0.2] {
         layer.trim(rms, 4.0);
         assert!(layer.is_trimmed());
-        let (mut positions, mut triangles) = (Vec::new(), Vec::new());
-        append_finest(&layer.nodes, &lattice, &mut positions, &mut triangles);
-        let own = Mesh {
-            positions: &positions,
-            triangles: &triangles,
-        };
-        let source = Mesh {
-            positions: &mesh.positions,
-            triangles: &mesh.triangles,
-        };
-        let measured = measure(own, source, 20_000).unwrap();
+        let measured = with_both(&layer.nodes, &mesh, &lattice, |own, source| {
+            measure(own, source, 20_000).unwrap()
+        });
         let rounding = lattice.step * f64::from(1u32 << lattice.shift);
         assert!(
             measured.rms() <= 1.1 * rms + rounding,

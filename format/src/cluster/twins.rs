@@ -13,18 +13,20 @@ use crate::Error;
 use crate::codec::range::{Bit, Coder, Number};
 use crate::codec::sample::Position;
 
-/// The first vertex at the place of each; with the numbers of those before that have one.
+/// Which vertices are twins, as far as they are known, and how likely those to come are.
 #[derive(Debug, Default)]
 pub(crate) struct Twins {
+    /// By vertex the first at its place: itself, where it is no twin.
     first: Vec<u8>,
     is_twin: [Bit; 6],
+    /// `None` where there are no twins.
     rank: Option<Number>,
     /// Vertices that are no twins, and the squares of their distances from where one is predicted.
     nearest: Vec<(u64, u8)>,
 }
 
 impl Twins {
-    /// For a mesh that has `some`, or of which nobody asks.
+    /// For a mesh that has `some`; without, no vertex is one.
     pub(crate) fn new(some: bool) -> Self {
         Self {
             rank: some.then(|| Number::new(4)),
@@ -67,7 +69,7 @@ impl Twins {
             return Ok(None);
         }
         self.nearest.clear();
-        for (other, &position) in (0u8..).zip(before) {
+        for (&position, other) in before.iter().zip(0..=u8::MAX) {
             if !is_twin(&self.first, other) {
                 self.nearest.push((distance2(from, position), other));
             }
@@ -124,7 +126,7 @@ mod tests {
             };
             let own = told.get(vertex).copied();
             let twin = twins.next(coder, prediction, last, &positions, own)?;
-            // Those that are none are as far on as the last but one.
+            // The reader is not told where those are that are none: each as far on as its number.
             positions.push(twin.or(own).unwrap_or(Position([vertex as i32, 0, 0])));
         }
         Ok((positions, (0..count).map(|v| twins.of(v)).collect()))
@@ -142,6 +144,17 @@ mod tests {
         assert_eq!(positions, told);
         assert_eq!(first, expected);
         assert!(bytes.len() < 7, "{}", bytes.len());
+    }
+
+    #[test]
+    fn the_last_vertex_may_be_a_twin() {
+        let mut told: Vec<Position> = (0..255).map(|x| Position([x, 0, 0])).collect();
+        told.push(Position([9, 0, 0]));
+        let mut encoder = Encoder::new();
+        run(&mut encoder, &told, told.len()).unwrap();
+        let bytes = encoder.finish();
+        let (positions, first) = run(&mut Decoder::new(&bytes), &[], told.len()).unwrap();
+        assert_eq!((positions, first[255]), (told, Some(9)));
     }
 
     #[test]

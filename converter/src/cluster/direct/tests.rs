@@ -1,5 +1,4 @@
 use super::*;
-use marquetry_evaluation::distance::measure;
 
 /// A sheet of `cells`² cells over the unit square, as high as `height` says.
 pub(in crate::cluster) fn sheet(
@@ -34,25 +33,41 @@ pub(in crate::cluster) fn places([a, b, c]: [DVec3; 3]) -> impl Iterator<Item = 
     })
 }
 
+/// A surface and a source.
+fn with_sheets<T>(
+    sheets: &[(Vec<DVec3>, Vec<[u32; 3]>); 2],
+    run: impl FnOnce(&Indexed<'_>, &Indexed<'_>) -> T,
+) -> T {
+    let [surface, source] = sheets.each_ref().map(|(positions, triangles)| {
+        Indexed::new(Mesh {
+            positions,
+            triangles,
+        })
+        .unwrap()
+    });
+    run(&surface, &source)
+}
+
+/// The surface as one leaf, of which no more is known than `bound`.
+fn one_leaf(surface: &Indexed<'_>, bound: f64) -> [Leaf; 1] {
+    let triangles = surface.mesh.triangles.len();
+    [Leaf { triangles, bound }]
+}
+
 /// A coarse sheet and a fine one with a spike, in leaves of 50 triangles, and the largest distance found.
 fn with_both<T>(run: impl FnOnce(&Indexed<'_>, &Indexed<'_>, Vec<Leaf>, f64) -> T) -> T {
     let spike = |x: f64, y: f64| {
         let from = (x - 0.31).hypot(y - 0.72);
         bumps(x, y) + (0.01 - from).max(0.0)
     };
-    let [(a, b), (c, d)] = [sheet(20, bumps), sheet(300, spike)];
-    let of = |positions, triangles| Mesh {
-        positions,
-        triangles,
-    };
-    let (surface, source) = (of(&a, &b), of(&c, &d));
-    let found = measure(surface, source, 100_000).unwrap().hausdorff();
-    let [surface, source] = [surface, source].map(|mesh| Indexed::new(mesh).unwrap());
     let leaf = Leaf {
         triangles: 50,
         bound: 1.0,
     };
-    run(&surface, &source, vec![leaf; 16], found)
+    with_sheets(&[sheet(20, bumps), sheet(300, spike)], |surface, source| {
+        let found = surface.measure(source, 100_000).hausdorff();
+        run(surface, source, vec![leaf; 16], found)
+    })
 }
 
 #[test]
@@ -87,62 +102,48 @@ fn bounds_hold_everywhere_and_are_near_the_truth() {
 fn one_bad_place_of_what_is_hardly_changed_is_no_reason_to_know_little_of_the_rest() {
     let rough = |x: f64, y: f64| 1e-4 * (31.0 * x + 57.0 * y).sin();
     let spike = |x: f64, y: f64| 0.05 * f64::from((x - 0.5).hypot(y - 0.5) < 0.02);
-    let [(a, b), (c, d)] = [
+    let sheets = [
         sheet(24, |x, y| bumps(x, y) + rough(x, y)),
         sheet(24, |x, y| bumps(x, y) + spike(x, y)),
     ];
-    let of = |positions, triangles| Mesh {
-        positions,
-        triangles,
-    };
-    let [surface, source] = [of(&a, &b), of(&c, &d)].map(|mesh| Indexed::new(mesh).unwrap());
-    let found = surface.measure(&source, 100_000).hausdorff();
-    assert!(found > 0.02, "{found}");
-    let leaf = Leaf {
-        triangles: surface.mesh.triangles.len(),
-        bound: 1.0,
-    };
-    let bounds = bounds(&surface, &source, &[leaf], found);
-    let good = bounds.iter().filter(|&&bound| bound < 2e-4).count();
-    assert!(good > bounds.len() * 9 / 10, "{good} of {}", bounds.len());
-    assert!(bounds.iter().all(|&bound| bound <= 2.1 * found));
-    for (t, bound) in bounds.iter().enumerate() {
-        for point in places(surface.mesh.corners(t)) {
-            let closest = source.tree.closest(point, f64::INFINITY).unwrap();
-            assert!(closest.distance2.sqrt() <= *bound);
+    with_sheets(&sheets, |surface, source| {
+        let found = surface.measure(source, 100_000).hausdorff();
+        assert!(found > 0.02, "{found}");
+        let bounds = bounds(surface, source, &one_leaf(surface, 1.0), found);
+        let good = bounds.iter().filter(|&&bound| bound < 2e-4).count();
+        assert!(good > bounds.len() * 9 / 10, "{good} of {}", bounds.len());
+        assert!(bounds.iter().all(|&bound| bound <= 2.1 * found));
+        for (t, bound) in bounds.iter().enumerate() {
+            for point in places(surface.mesh.corners(t)) {
+                let closest = source.tree.closest(point, f64::INFINITY).unwrap();
+                assert!(closest.distance2.sqrt() <= *bound);
+            }
         }
-    }
-    // And the source's, which lie within its bound of a triangle.
-    for t in 0..source.mesh.triangles.len() {
-        for point in places(source.mesh.corners(t)) {
-            let is_near = bounds.iter().enumerate().any(|(own, &bound)| {
-                let nearest = closest_point(surface.mesh.corners(own), point);
-                nearest.distance(point) <= bound
-            });
-            assert!(is_near, "{t}");
+        // And the source's, which lie within its bound of a triangle.
+        for t in 0..source.mesh.triangles.len() {
+            for point in places(source.mesh.corners(t)) {
+                let is_near = bounds.iter().enumerate().any(|(own, &bound)| {
+                    let nearest = closest_point(surface.mesh.corners(own), point);
+                    nearest.distance(point) <= bound
+                });
+                assert!(is_near, "{t}");
+            }
         }
-    }
+    });
 }
 
 #[test]
 fn what_is_mostly_unchanged_to_the_last_bit_is_no_endless_work() {
     let spike = |x: f64, y: f64| f64::from((x - 0.5).hypot(y - 0.5) < 0.02);
-    let [(a, b), (c, d)] = [
+    let sheets = [
         sheet(24, bumps),
         sheet(24, |x, y| bumps(x, y) + spike(x, y)),
     ];
-    let of = |positions, triangles| Mesh {
-        positions,
-        triangles,
-    };
-    let [surface, source] = [of(&a, &b), of(&c, &d)].map(|mesh| Indexed::new(mesh).unwrap());
-    let leaf = Leaf {
-        triangles: surface.mesh.triangles.len(),
-        bound: 2.0,
-    };
-    let bounds = bounds(&surface, &source, &[leaf], 1.0);
-    let good = bounds.iter().filter(|&&bound| bound < 0.02).count();
-    assert!(good > bounds.len() / 2 && good < bounds.len(), "{good}");
+    with_sheets(&sheets, |surface, source| {
+        let bounds = bounds(surface, source, &one_leaf(surface, 2.0), 1.0);
+        let good = bounds.iter().filter(|&&bound| bound < 0.02).count();
+        assert!(good > bounds.len() / 2 && good < bounds.len(), "{good}");
+    });
 }
 
 #[test]

@@ -4,21 +4,14 @@ use super::*;
 
 /// Tightens a layer of `mesh`.
 fn tighten(layer: &mut Layer, mesh: &ManifoldMesh, lattice: &Lattice) {
-    let (mut positions, mut triangles) = (Vec::new(), Vec::new());
-    append_finest(&layer.nodes, lattice, &mut positions, &mut triangles);
-    let own = Mesh {
-        positions: &positions,
-        triangles: &triangles,
-    };
-    let source = Mesh {
-        positions: &mesh.positions,
-        triangles: &mesh.triangles,
-    };
-    let found = measure(own, source, 200_000).unwrap().hausdorff();
-    assert!(layer.max_error > 3.0 * found);
-    let [own, source] = [own, source].map(|mesh| Indexed::new(mesh).unwrap());
-    layer.tighten(&own, &source, found);
-    assert!(layer.max_error >= found && layer.max_error <= 2.6 * found);
+    let nodes = layer.nodes.clone();
+    with_both(&nodes, mesh, lattice, |own, source| {
+        let found = measure(own, source, 200_000).unwrap().hausdorff();
+        assert!(layer.max_error > 3.0 * found);
+        let [own, source] = [own, source].map(|mesh| Indexed::new(mesh).unwrap());
+        layer.tighten(&own, &source, found);
+        assert!(layer.max_error >= found && layer.max_error <= 2.6 * found);
+    });
 }
 
 /// Errors do not grow downwards, and nodes with the same children have the same.
